@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from jointz.core.channels import axis_label, pretty_unit
 from jointz.report.style import (
     legend_line,
     new_figure,
@@ -14,7 +15,7 @@ from jointz.report.style import (
     place_legend,
     place_text,
 )
-from jointz.report.wording import MINUS, format_signed, parameter_label, pretty_unit
+from jointz.report.wording import MINUS, format_signed
 from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, SMALL_PT, VERMILION, WIDTH_MM
 from reproduction.chapter_page import Drawings, draw_figures, numbers
 
@@ -172,7 +173,7 @@ def _draw_loads(loads: Sequence[Mapping[str, Any]]) -> "Figure":
     pitch = (WIDTH_MM - 8.0) / len(cases)
     for row, parameter in enumerate(present):
         top = 18.0 + 49.0 * row
-        place_text(figure, 1.0, top - 4.5, parameter_label(parameter), fontweight="bold")
+        place_text(figure, 1.0, top - 4.5, axis_label(parameter), fontweight="bold")
         mine = [one for one in loads if one["parameter"] == parameter]
         for column, case in enumerate(cases):
             axes = place_axes(

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
+from jointz.core.channels import pretty_unit
 from jointz.report.html_page import inline_svg
 from jointz.report.style import to_svg
-from jointz.report.wording import pretty_unit
 from jointz.results.figure_style import figure_style
 from reproduction.chapter_tables import table_cells
 from reproduction.reproduction_result import Reproduction

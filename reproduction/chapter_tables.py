@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
-from jointz.report.wording import DASH, MINUS, format_number, pretty_unit
+from jointz.core.channels import pretty_unit
+from jointz.report.wording import DASH, MINUS, format_number
 from reproduction.reproduction_tables import (
     Claim,
     ClaimTable,

@@ -61,7 +61,7 @@ def small_analysis(small_study_source: Path) -> StudyAnalysis:
 def small_results(small_analysis: StudyAnalysis, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The results of the small study in order, without figures; to read only."""
     folder = tmp_path_factory.mktemp("small") / "results"
-    write_results(small_analysis, folder, figures=False)
+    write_results(small_analysis, folder, figures=False, tables=True)
     return folder
 
 
@@ -224,7 +224,7 @@ def jointz(
 @pytest.fixture
 def analyze(jointz: Callable[..., Outcome], tmp_path: Path) -> Callable[..., Outcome]:
     """Analyse a study into ``tmp_path / "results"``: few resamples, no figures, as JSON."""
-    small = ("--resamples", 50, "--no-figures", "--workers", 1)
+    small = ("--resamples", 50, "--no-figures", "--tables", "--workers", 1)
 
     def call(study: StudyFolder, *more: object) -> Outcome:
         return jointz("analyze", study.root, "--out", tmp_path / "results", "--json", *small, *more)

@@ -3,8 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from jointz.core.channels import axis_label
 from jointz.report.style import legend_line, new_figure, place_axes, place_legend, shade_phases
-from jointz.report.wording import DASH, parameter_label
+from jointz.report.wording import DASH
 from jointz.results.figure_style import (
     BLUE,
     FAINT,
@@ -97,7 +98,7 @@ def _panels(
             width_mm=177.0 - left_mm, height_mm=_PANEL_MM,
         )  # fmt: skip
         _over_cycle(axes, names=row == 0, labelled=row == len(names) - 1)
-        axes.set_ylabel(parameter_label(name))
+        axes.set_ylabel(axis_label(name))
         panels[name] = axes
     return panels
 
@@ -158,7 +159,7 @@ def _draw_literature(curve: Mapping[str, Any]) -> "Figure":
     _draw_sources(axes, curve["stiffness"], onsets)
     _draw_stated(axes, curve["stated"], onsets)
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel(parameter_label("stiffness_per_mass"))
+    axes.set_ylabel(axis_label("stiffness_per_mass"))
     below = place_axes(figure, left, 78.0, width_mm=width, height_mm=words_mm)
     _draw_words(below, studies, onsets)
     place_legend(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from jointz.core.channels import pretty_unit
 from jointz.report.style import (
     broken_line,
     legend_line,
@@ -14,7 +15,7 @@ from jointz.report.style import (
     place_legend,
     shade_phases,
 )
-from jointz.report.wording import MINUS, pretty_unit
+from jointz.report.wording import MINUS
 from jointz.results.figure_style import (
     BLUE,
     FAINT,

@@ -18,7 +18,7 @@ pytestmark = [
 ]
 KILLS, PEOPLE = 10, 6
 #: What two runs cannot share: when they were, and where.
-TABLES = ("estimates.csv", "comparison.csv", "covariance.csv", "excluded.csv", "population.csv",
+TABLES = ("estimates.csv", "comparison.csv", "excluded.csv", "population.csv",
           "statistics.json", "certificate.csv")  # fmt: skip
 
 

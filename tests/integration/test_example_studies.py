@@ -18,7 +18,7 @@ def analyze_example(jointz, real_data, monkeypatch, tmp_path):
 
     def call(name):
         out = tmp_path / "results"
-        more = ("--resamples", 100, "--json")
+        more = ("--resamples", 100, "--json", "--tables")
         return jointz("analyze", EXAMPLES / name, "--out", out, *more), out
 
     return call

@@ -356,7 +356,7 @@ def mocap(folder, *, side):
 def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_path):
     study = mocap(tmp_path / "s", side="device")
 
-    outcome = jointz("analyze", study, "--out", tmp_path / "r", *QUICK)
+    outcome = jointz("analyze", study, "--out", tmp_path / "r", *QUICK, "--tables")
 
     assert outcome.code == 1
     table = pd.read_csv(tmp_path / "r" / "quasi_stiffness.csv")

@@ -9,15 +9,11 @@ from jointz.analysis.analyze import analyze
 from jointz.analysis.page.details_tables import details_frame
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.paper.paper_tables import paper_tables
+from jointz.analysis.pulse_traces import ReestimationRequest, read_traces
 from jointz.analysis.results_folder import write_results
 from jointz.comparison.compare import compare_results
 from jointz.core.errors import StudyError
-from jointz.explorer.reestimation import (
-    ReestimationRequest,
-    read_traces,
-    reestimate,
-    with_new_estimates,
-)
+from jointz.explorer.reestimation import reestimate, with_new_estimates
 from jointz.explorer.results_files import open_results
 from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
@@ -93,7 +89,7 @@ def test_every_table_of_rows_per_person_names_session_and_side(analysed):
     _, both = analysed
     for table in (
         both.to_frame(), both.comparison_frame(), both.pulses_frame(), both.strides_frame(),
-        both.excluded_frame(), both.covariance_frame(), details_frame(both),
+        both.excluded_frame(), details_frame(both),
     ):  # fmt: skip
         assert list(table.columns[-2:]) == ["session", "side"]
         rows = set(zip(table["session"], table["side"], strict=True))

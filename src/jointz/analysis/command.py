@@ -51,6 +51,14 @@ def analyze(
         ),
     ] = True,
     pdf: Annotated[bool, typer.Option("--pdf", help="Write the figures as PDF, too.")] = False,
+    tables: Annotated[
+        bool,
+        typer.Option(
+            "--tables",
+            help="Write all tables: every pulse and stride, posteriors, Parquet, and rounded "
+            "tables for print as csv and LaTeX.",
+        ),
+    ] = False,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -131,6 +139,7 @@ def analyze(
                 before=before,
                 figures=figures,
                 pdf=pdf,
+                tables=tables,
                 engine=engine,
             )
         complete = not _has_broken(analysis)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import xarray as xr
+
 from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError
 from jointz.core.method_names import FORMER_NAMES
@@ -35,6 +37,7 @@ class Analysis(StudyAnalysis):
         overwrite: bool = False,
         figures: bool = True,
         pdf: bool = False,
+        tables: bool = False,
     ) -> Path:
         """Write the folder of results that ``jointz analyze`` writes: whole or not at all.
 
@@ -48,6 +51,8 @@ class Analysis(StudyAnalysis):
             Whether to draw figures.
         pdf : bool
             Whether to write the figures as PDF, too.
+        tables : bool
+            Whether to write all tables, too, as ``jointz analyze --tables`` does.
 
         Returns
         -------
@@ -61,7 +66,9 @@ class Analysis(StudyAnalysis):
         WriteError
             When it cannot be written.
         """
-        return write_results(self, Path(folder), overwrite=overwrite, figures=figures, pdf=pdf)
+        return write_results(
+            self, Path(folder), overwrite=overwrite, figures=figures, pdf=pdf, tables=tables
+        )
 
     def figure(
         self,
@@ -97,6 +104,35 @@ class Analysis(StudyAnalysis):
         from jointz.analysis.page.figure_files import draw_paper_figure
 
         return draw_paper_figure(self, name, parameters=parameters, width_mm=width_mm)
+
+    def responses(self, study: Study | str | os.PathLike[str] | None = None) -> list[xr.Dataset]:
+        """Return the responses to the pulses as arrays, baseline removed.
+
+        Parameters
+        ----------
+        study : Study or path, optional
+            The analysed study. With it, single pulses are cut from its recordings as the method
+            does, which takes seconds for each participant.
+
+        Returns
+        -------
+        list of xarray.Dataset
+            One for each estimate and shape of pulse, the most frequent shape first.
+            ``mean_angle`` (rad), ``mean_torque`` (N*m) and the fit (``fitted_angle`` or
+            ``fitted_torque``) over ``time`` (s from the onset); with a study also ``angle`` and
+            ``torque`` of every averaged pulse, ``(pulse, time)``, with ``onset_s`` and
+            ``recording``. Attributes: ``participant``, ``session``, ``side``, ``timing_point``,
+            ``method``, ``shape``, ``n_pulses``.
+
+        Raises
+        ------
+        DataError
+            When recordings were changed since the analysis.
+        """
+        from jointz.analysis.pulse_traces import response_datasets
+
+        opened = study if study is None or isinstance(study, Study) else open_study(study)
+        return list(response_datasets(self, opened))
 
 
 def load(folder: str | os.PathLike[str]) -> Analysis:

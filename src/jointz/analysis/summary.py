@@ -5,14 +5,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 from typing import Final
 
+from jointz.core.channels import pretty_unit
 from jointz.identify.walking.coupling import COUPLINGS, Coupling
 from jointz.report.subjects import subjects
-from jointz.report.wording import (
-    format_count,
-    format_number,
-    parameter_name,
-    pretty_unit,
-)
+from jointz.report.wording import format_count, format_number, parameter_name
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 from jointz.results.study_counts import study_counts
 from jointz.stats.people_likelihoods import PeopleResults

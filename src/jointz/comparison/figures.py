@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jointz.comparison.comparison_result import Comparison
-from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.channels import PARAMETER_UNITS, axis_label, pretty_unit
 from jointz.report.style import (
     broken_line,
     legend_line,
@@ -17,7 +17,7 @@ from jointz.report.style import (
     place_legend,
     to_svg,
 )
-from jointz.report.wording import MINUS, PARAMETERS, parameter_label, point_name, pretty_unit
+from jointz.report.wording import MINUS, PARAMETERS, point_name
 from jointz.results.figure_style import (
     BLUE,
     FAINT,
@@ -210,7 +210,7 @@ def _finish_points(axes: "Axes", parameter: str, points: Sequence[str]) -> None:
     axes.tick_params(axis="x", length=0)
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, 0.0) if low < 0.4 * high else low, high)
-    panel_heading(axes, parameter_label(parameter))
+    panel_heading(axes, axis_label(parameter))
 
 
 def _legend(comparison: Comparison) -> "list[Artist]":

@@ -91,6 +91,18 @@ CONDITIONS: Mapping[str, str] = MappingProxyType(
     }
 )
 
+#: Parameter -> (name in words, symbol), in the order of tables and figures.
+PARAMETER_NAMES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "stiffness_per_mass": ("Stiffness per body mass", "K/m"),
+        "stiffness": ("Stiffness", "K"),
+        "damping_per_mass": ("Damping per body mass", "B/m"),
+        "damping": ("Damping", "B"),
+        "inertia": ("Inertia", "J"),
+        "stiffness_onset": ("Stiffness at the onset", "K at the onset"),
+        "damping_onset": ("Damping at the onset", "B at the onset"),
+    }
+)
 #: Parameter -> unit, as written in ``estimates.csv`` and by ``jointz identify``.
 PARAMETER_UNITS: Mapping[str, str] = MappingProxyType(
     {
@@ -126,3 +138,13 @@ def is_turned(stated: str | None, positive: str | None, *, on_device: bool) -> b
     """Tell whether the sign of a channel is opposite to the study's."""
     against = stated not in (None, positive)
     return against != on_device
+
+
+def pretty_unit(unit: str) -> str:
+    """Write a unit with dots and superscripts."""
+    return unit.replace("*", "·").replace("^2", "²").replace("+-", "±")
+
+
+def axis_label(parameter: str) -> str:
+    """Return symbol and unit of a parameter, for axes and column heads."""
+    return f"{PARAMETER_NAMES[parameter][1]} ({pretty_unit(PARAMETER_UNITS[parameter])})"

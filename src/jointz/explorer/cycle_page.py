@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from jointz.core.channels import axis_label
 from jointz.core.gait_phases import PHASES
 from jointz.explorer.figures import (
     AMBER,
@@ -21,7 +22,7 @@ from jointz.explorer.figures import (
 from jointz.explorer.results_files import cell_of
 from jointz.explorer.tab import Tab, parameter_choice, table_columns
 from jointz.explorer.view import estimate_or_status
-from jointz.report.wording import DASH, method_name, parameter_label, parameter_name
+from jointz.report.wording import DASH, method_name, parameter_name
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
@@ -35,7 +36,7 @@ METHOD_COLOURS: Final = (
 def cycle_figure(parameter: str, curves: Sequence["Curve"]) -> Figure:
     """Draw one parameter over the gait cycle."""
     data = list(map(_line, curves))
-    layout = base_layout(plain(parameter_label(parameter)), "Gait cycle (%)")
+    layout = base_layout(plain(axis_label(parameter)), "Gait cycle (%)")
     layout["xaxis"] |= {"range": [-1, 101], "dtick": 10, "showgrid": False, "zeroline": False}
     layout["yaxis"] |= {"rangemode": "tozero"}
     for k, (name, (begin, end)) in enumerate(PHASES.items()):
@@ -109,7 +110,7 @@ def methods_figure(parameter: str, curves: Sequence[Curve]) -> Figure:
         places = [position + offset for position in range(len(curve.x))]
         marks = _marks(curve, places)
         data.append({**marks, "mode": "markers", "text": [str(x) for x in curve.x]})
-    layout = base_layout(plain(parameter_label(parameter)), "")
+    layout = base_layout(plain(axis_label(parameter)), "")
     names = [plain(str(x)) for x in curves[0].x] if curves else []
     layout["xaxis"] |= {
         "tickvals": list(range(len(names))),

@@ -9,12 +9,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
+from jointz.analysis.pulse_traces import is_about
 from jointz.core import provenance
 from jointz.core.errors import DataError, WriteError
 from jointz.core.events import PulseRecord
 from jointz.core.study import Study, UserExclusion, name_problem
 from jointz.core.whole_file import whole_file
-from jointz.identify.preparation.sources import SAME_TIME_S
 from jointz.io.study_reader import open_study
 
 Action = Literal["exclude", "restore"]
@@ -47,12 +47,6 @@ def last_line(study: Study, pulse: PulseRecord) -> UserExclusion | None:
     """Return the last line of ``exclusions.csv`` about a pulse, None if there is none."""
     about = [line for line in study.user_exclusions if is_about(line, pulse)]
     return about[-1] if about else None
-
-
-def is_about(line: UserExclusion, pulse: PulseRecord) -> bool:
-    """Return whether a line of ``exclusions.csv`` is about a pulse."""
-    same = (line.participant, line.recording) == (pulse.participant, pulse.recording)
-    return same and abs(line.onset_s - pulse.onset_s) < SAME_TIME_S
 
 
 def decide(study: Study, pulse: PulseRecord, action: Action, *, reason: str) -> Study:

@@ -9,18 +9,13 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
 
+from jointz.analysis.pulse_traces import PulseKey, PulseTrace, ReestimationRequest, read_traces
 from jointz.core.errors import JointzError
 from jointz.core.events import PulseRecord
 from jointz.core.study import Study
 from jointz.explorer.exclusions import FILE, Action, decide
-from jointz.explorer.reestimation import (
-    ReestimationRequest,
-    estimate_by_method,
-    read_traces,
-    reestimate,
-)
+from jointz.explorer.reestimation import estimate_by_method, reestimate
 from jointz.explorer.results_files import Exploration
-from jointz.explorer.traces import PulseKey, PulseTrace
 from jointz.io.study_reader import open_study
 
 Result = TypeVar("Result")

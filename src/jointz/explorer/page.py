@@ -6,6 +6,8 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from jointz.analysis.pulse_traces import PulseKey
+from jointz.core.channels import pretty_unit
 from jointz.core.codes import LISTED, Exclusion
 from jointz.explorer.cycle_page import CycleTab, MethodsTab
 from jointz.explorer.exclusions import FILE, excluded, last_line
@@ -13,7 +15,6 @@ from jointz.explorer.explorer_app import Explorer
 from jointz.explorer.pulses_page import PulsesTab
 from jointz.explorer.results_files import Exploration, cell_of
 from jointz.explorer.tab import Tab, table_columns
-from jointz.explorer.traces import PulseKey
 from jointz.explorer.view import View, estimate_or_status
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
@@ -23,7 +24,6 @@ from jointz.report.wording import (
     method_name,
     onset_note,
     parameter_name,
-    pretty_unit,
     status_meaning,
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from jointz.analysis.pulse_traces import PulseTrace, Window
 from jointz.explorer.figures import (
     AMBER,
     BLUE,
@@ -19,7 +20,6 @@ from jointz.explorer.figures import (
     figure,
     span,
 )
-from jointz.explorer.traces import PulseTrace, Window
 from jointz.results.estimates import CellEstimate
 
 _FAINT: Final = "rgba(139,149,161,0.30)"

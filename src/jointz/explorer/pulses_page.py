@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
+from jointz.analysis.pulse_traces import Window
 from jointz.core.codes import LISTED, Exclusion
 from jointz.core.events import PulseRecord
 from jointz.explorer.exclusions import excluded, is_excluded, last_line
 from jointz.explorer.plots import Overlaid, overlay_figure, pulse_figure
 from jointz.explorer.tab import Tab, table_columns
-from jointz.explorer.traces import Window
 from jointz.explorer.view import View
 from jointz.report.pulse_words import pulse_unit
 from jointz.report.wording import exclusion_meaning, method_name

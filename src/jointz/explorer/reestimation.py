@@ -1,28 +1,23 @@
 """Traces of one participant's pulses, and new estimates, as by ``jointz analyze``."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from jointz.analysis.device_effect import device_effect
 from jointz.analysis.level_tests import level_tests
 from jointz.analysis.mass_checks import likely_masses_kg, mass_questions, without_values_per_kg
-from jointz.analysis.participant_jobs import participant_settings, read_participant
+from jointz.analysis.pulse_traces import ReestimationRequest, read_inputs
 from jointz.core.errors import DataError
 from jointz.core.method_names import (
     BAYESIAN,
-    COUPLING_OF,
     FULL_RECORD,
     RIGID,
     STRAPPED,
-    method_called,
 )
 from jointz.core.study import Study
-from jointz.explorer.traces import PulseKey, PulseTrace, pulse_traces
-from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult, analyze_participant
-from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.population import population_means
@@ -34,51 +29,11 @@ _EARLIER = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class ReestimationRequest:
-    """Settings of a new estimation."""
-
-    method: str  # name of the method, of ``bayesian`` that of its coupling
-    resamples: int  # number of resamples of the bootstrap
-    seed: int
-    # file -> hash at the time of the analysis; other contents are refused
-    sha256: Mapping[str, str]
-    is_earlier_method: bool = False  # results are by the earlier ``rigid``, no coupling of today's
-
-    @classmethod
-    def of(cls, analysis: StudyAnalysis) -> "ReestimationRequest":
-        """Return the settings of an analysis."""
-        settings, provenance = analysis.settings, analysis.provenance
-        inputs = {str(entry["file"]): str(entry["sha256"]) for entry in provenance["inputs"]}
-        return cls(
-            requested_method(analysis),
-            settings["resamples"],
-            settings["seed"],
-            inputs,
-            is_earlier_method=settings["method"] == RIGID,
-        )
-
-
-def requested_method(analysis: StudyAnalysis) -> str:
-    """Return the name by which the method of an analysis is requested: it states the coupling."""
-    settings = analysis.settings
-    names = {coupling: name for name, coupling in COUPLING_OF.items()}
-    return names.get(settings.get("coupling", ""), str(settings["method"]))
-
-
-def read_traces(
-    study: Study, person_id: str, request: ReestimationRequest, analysis: StudyAnalysis
-) -> Mapping[PulseKey, PulseTrace]:
-    """Read a participant's recordings, and return every pulse as in the analysis."""
-    settings, recordings = _inputs(study, person_id, request)
-    return on_one_thread(partial(pulse_traces, person_id, recordings, settings, analysis))
-
-
 def reestimate(study: Study, person_id: str, request: ReestimationRequest) -> ParticipantResult:
     """Estimate a participant with the current exclusions of the study."""
     if request.is_earlier_method:
         raise DataError(_EARLIER)
-    settings, recordings = _inputs(study, person_id, request)
+    settings, recordings = read_inputs(study, person_id, request)
     return on_one_thread(partial(analyze_participant, person_id, recordings, settings))
 
 
@@ -86,35 +41,11 @@ def estimate_by_method(
     study: Study, person_id: str, request: ReestimationRequest, *, method: str
 ) -> tuple[CellEstimate, ...]:
     """Estimate a participant by another method, for comparison."""
-    settings, recordings = _inputs(study, person_id, replace(request, method=method))
+    settings, recordings = read_inputs(study, person_id, replace(request, method=method))
     single = replace(settings, methods=(method,))
     result = on_one_thread(partial(analyze_participant, person_id, recordings, single))
     cells = result.cells[method]
     return tuple(without_values_per_kg(cells, mass_questions(study, cells)))
-
-
-def _inputs(
-    study: Study, person_id: str, request: ReestimationRequest
-) -> tuple[ParticipantSettings, Sequence[RecordingInput]]:
-    """Return settings and recordings of a participant; refuse changed recordings."""
-    if method_called(request.method) not in METHODS:
-        raise DataError(
-            f"method: these results are by {request.method!r}, which this version of jointz does "
-            f"not have; it has {', '.join(METHODS)}. They can be read but not estimated again. "
-            "Analyse the study by another method: jointz analyze --method NAME."
-        )
-    inputs: dict[str, dict[str, Any]] = {}
-    recordings = read_participant(study, person_id, inputs)
-    changed = [name for name, f in inputs.items() if request.sha256.get(name) != f["sha256"]]
-    if changed:
-        raise DataError(
-            f"{', '.join(changed)}: expected the content that was analysed, found another. "
-            "Analyse the study again: jointz analyze."
-        )
-    settings = participant_settings(
-        study, person_id, request.method, resamples=request.resamples, seed=request.seed
-    )
-    return settings, recordings
 
 
 def with_new_estimates(

@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from jointz.analysis.pulse_traces import requested_method
 from jointz.analysis.saved_analysis import load, study_of
 from jointz.core.codes import LISTED
 from jointz.core.events import PulseRecord
 from jointz.core.method_names import WITH_POSTERIOR
 from jointz.core.study import Study
 from jointz.explorer.exclusions import excluded
-from jointz.explorer.reestimation import requested_method, with_new_estimates
+from jointz.explorer.reestimation import with_new_estimates
 from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult
 from jointz.results.estimates import CellEstimate

@@ -1,9 +1,9 @@
 """Selection of one browser: participant, timing point, pulse, method and parameter."""
 
+from jointz.analysis.pulse_traces import PulseKey, PulseTrace, Window
 from jointz.core.events import PulseRecord
 from jointz.explorer.explorer_app import Explorer
 from jointz.explorer.results_files import cell_of, pulses_of
-from jointz.explorer.traces import PulseKey, PulseTrace, Window
 from jointz.report.subjects import shown_parameters, timing_points
 from jointz.report.wording import format_estimate
 from jointz.results.estimates import CellEstimate, ParameterEstimate

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
+from jointz.core.channels import axis_label
 from jointz.core.codes import NotPooled
 from jointz.pooling.pooled_result import (
     ONE_STUDY,
@@ -22,7 +23,6 @@ from jointz.report.wording import (
     format_interval,
     format_number,
     method_name,
-    parameter_label,
     parameter_name,
     point_name,
 )
@@ -149,7 +149,7 @@ def _forest(rows: pd.DataFrame, studies: pd.DataFrame) -> "Figure":
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     first = cells[0][0]
-    axes.set_xlabel(parameter_label(first["parameter"]))
+    axes.set_xlabel(axis_label(first["parameter"]))
     return figure
 
 

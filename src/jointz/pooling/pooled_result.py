@@ -7,9 +7,10 @@ from typing import Any, ClassVar, Final
 
 import pandas as pd
 
+from jointz.core.channels import axis_label
 from jointz.pooling.conditions import CONDITION_COLUMNS
 from jointz.pooling.plain_tables import Kind, plain_rows, typed_table
-from jointz.report.wording import ABSOLUTE, format_count, parameter_label, point_name
+from jointz.report.wording import ABSOLUTE, format_count, point_name
 from jointz.results.base import Axes, Result, checked_values, summary_text
 from jointz.results.estimates import ESTIMATE_COLUMNS
 from jointz.results.figure_style import in_figure_style
@@ -135,7 +136,7 @@ class PooledStudies(Result):
         row = pooled.sort_values("n_studies", ascending=False, kind="stable").iloc[0].to_dict()
         used = studies_of(self.studies, row)
         axes = draw_forest(used[used["status"] == "ok"].to_dict("records"), row, ax)
-        name, level = parameter_label(row["parameter"]), f"{100 * self.ci_level:g} %"
+        name, level = axis_label(row["parameter"]), f"{100 * self.ci_level:g} %"
         axes.set(xlabel=f"{name}, {level} intervals", title=cell_text(row))
         return axes
 

@@ -7,7 +7,8 @@ from typing import Any, Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from jointz.report.wording import DASH, format_integer, format_signed, pretty_unit
+from jointz.core.channels import pretty_unit
+from jointz.report.wording import DASH, format_integer, format_signed
 
 _ID: Final = re.compile(r'\bid="([^"]+)"')
 _REFERENCE: Final = re.compile(r'(href="#|url\(#)([^")]+)')

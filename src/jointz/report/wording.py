@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
-from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.channels import PARAMETER_NAMES
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.results.estimates import ParameterEstimate
@@ -14,20 +14,10 @@ DASH: Final = "\N{EN DASH}"
 MINUS: Final = "\N{MINUS SIGN}"
 TIMES: Final = "\N{MULTIPLICATION SIGN}"
 
-#: Parameter -> (name in words, symbol), in the order of tables and figures.
-PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
-    "stiffness_per_mass": ("Stiffness per body mass", "K/m"),
-    "stiffness": ("Stiffness", "K"),
-    "damping_per_mass": ("Damping per body mass", "B/m"),
-    "damping": ("Damping", "B"),
-    "inertia": ("Inertia", "J"),
-}
+#: Parameter -> (name in words, symbol), of those that every method has.
+PARAMETERS: Final = {name: PARAMETER_NAMES[name] for name in list(PARAMETER_NAMES)[:5]}
 #: The same with the parameters that only some methods have.
-ALL_PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
-    **PARAMETERS,
-    "stiffness_onset": ("Stiffness at the onset", "K at the onset"),
-    "damping_onset": ("Damping at the onset", "B at the onset"),
-}
+ALL_PARAMETERS: Final = PARAMETER_NAMES
 
 #: What every method estimates, its symbols, the values per kg of body mass, those at the onset.
 ABSOLUTE: Final = ("stiffness", "damping", "inertia")
@@ -174,11 +164,6 @@ def format_signed(value: float, *, decimals: int) -> str:
     return f"{value:+.{decimals}f}".replace("-", MINUS) if math.isfinite(value) else DASH
 
 
-def pretty_unit(unit: str) -> str:
-    """Write a unit with dots and superscripts."""
-    return unit.replace("*", "·").replace("^2", "²").replace("+-", "±")
-
-
 def method_name(method: str) -> str:
     """Return the name of a method in words."""
     return _METHOD_NAMES.get(method, method.replace("_", " "))
@@ -203,11 +188,6 @@ def point_name(timing_point: str) -> str:
         return timing_point
     low, high, unit = edges.groups()
     return f"{format_exact(float(low))} to {format_exact(float(high))}{unit or ''}"
-
-
-def parameter_label(parameter: str) -> str:
-    """Return symbol and unit, for axes and column heads."""
-    return f"{ALL_PARAMETERS[parameter][1]} ({pretty_unit(PARAMETER_UNITS[parameter])})"
 
 
 def status_meaning(status: str) -> str:

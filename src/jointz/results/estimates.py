@@ -248,13 +248,6 @@ class CellEstimate(Result):
             for p in self.parameters
         ]
 
-    def covariance_rows(self) -> list[tuple[str | float, ...]]:
-        """Return one row each for K, B and J, in the columns of ``covariance.csv``."""
-        names = ("stiffness", "damping", "inertia")
-        rows = zip(names, self.covariance or (), strict=False)
-        where, unit = (self.participant, self.timing_point), (self.session, self.side)
-        return [(*where, name, *row, *unit) for name, row in rows]
-
 
 #: Columns of ``estimates.csv`` and ``comparison.csv``.
 ESTIMATE_COLUMNS = (
@@ -276,15 +269,3 @@ ESTIMATE_COLUMNS = (
     "side",
 )
 _OF_PARAMETER = ("parameter", "value", "unit", "ci_low", "ci_high", "ci_level", "status")
-#: Columns of ``covariance.csv``, one row an estimate: its covariance with the stiffness, the
-#: damping and the inertia of the same cell, SI; its own is its variance.
-COVARIANCE_COLUMNS = (
-    "participant",
-    "timing_point",
-    "parameter",
-    "with_stiffness",
-    "with_damping",
-    "with_inertia",
-    "session",
-    "side",
-)

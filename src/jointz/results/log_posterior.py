@@ -9,6 +9,7 @@ import pandas as pd
 from jointz.core.events import row_label
 from jointz.results.base import Array, Axes, PlottedResult
 from jointz.results.estimates import REACH_95
+from jointz.results.unlikely_parameter import UnlikelyParameter
 from jointz.results.value_scale import ValueScale, shares_at
 
 #: Columns of ``log_posterior.csv``.
@@ -28,36 +29,6 @@ LOG_POSTERIOR_COLUMNS = (
 _DODGE = 0.6
 #: Of the prior's median: the axis is linear below, logarithmic above.
 _LINEAR_BELOW = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class UnlikelyParameter:
-    """A parameter of instruments or leg that is far from what was known before the data.
-
-    Parameters
-    ----------
-    name : str
-        As ``[priors]`` or ``[calibration]`` names it.
-    value : float
-        What the responses need, SI.
-    expected, low, high : float
-        Median and 95 % interval of prior or calibration, SI.
-    sds : float
-        How many standard deviations the value is off, on the scale of the prior.
-    """
-
-    name: str
-    value: float
-    expected: float
-    low: float
-    high: float
-    sds: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.name} is {self.value:.3g}, expected {self.expected:.3g} "
-            f"({self.low:.3g} to {self.high:.3g}): {self.sds:.1f} SDs off"
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -7,11 +7,12 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from jointz.core.channels import axis_label
 from jointz.core.errors import DataError
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.results.base import Axes, Result, record_frame, summary_text
 from jointz.results.certificate_result import Certificate
-from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
+from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate
 from jointz.results.figure_style import BLUE, FAINT, axes_or_new, in_figure_style
 from jointz.results.log_posterior import LOG_POSTERIOR_COLUMNS, LogPosterior
 from jointz.results.mean_stride import MeanStride
@@ -194,11 +195,6 @@ class StudyAnalysis(Result):
         """Return the pulses of a bench, each estimated by itself."""
         return record_frame(self.single, PulseEstimate.__slots__)
 
-    def covariance_frame(self) -> pd.DataFrame:
-        """Return the covariances of the errors of K, B and J, if the method provides them."""
-        rows = [row for cell in self.cells for row in cell.covariance_rows()]
-        return pd.DataFrame(rows, columns=list(COVARIANCE_COLUMNS))
-
     def log_posterior_frame(self) -> pd.DataFrame:
         """Return the posteriors of all people, if the method provides them."""
         rows = [row for posterior in self.log_posteriors for row in posterior.rows()]
@@ -235,7 +231,8 @@ class StudyAnalysis(Result):
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
+            Where to draw, without title and legend (``ax.legend()`` adds one); a new figure by
+            default.
         parameter : str
             Which parameter.
 
@@ -285,13 +282,13 @@ class StudyAnalysis(Result):
                 linewidth=line.get_linewidth(),
             )
         self._draw_means(axes, means, places, walking=bool(walking))
-        unit = table["unit"].iloc[0] if len(table) else ""
         axes.set_xlabel("gait cycle (%)" if walking else "")
         if not walking:
             axes.set_xticks(list(places.values()), list(places))
-        axes.set_ylabel(f"{parameter} ({unit})")
-        axes.set_title(f"Vertical lines: {self.settings.get('ci_level', 0.95):.0%} intervals")
-        if people:
+        axes.set_ylabel(axis_label(parameter))
+        if ax is None:
+            axes.set_title(f"Vertical lines: {self.settings.get('ci_level', 0.95):.0%} intervals")
+        if people and ax is None:
             axes.legend(ncols=-(-len(people) // 8) if not means else 1)
         return axes
 

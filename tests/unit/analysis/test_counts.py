@@ -33,7 +33,7 @@ def written(walking, tmp_path_factory):
         walking, pulses=pulses, population=lost, provenance={**walking.provenance, "study": study}
     )
     folder = tmp_path_factory.mktemp("counts") / "results"
-    write_results(analysis, folder, figures=False)
+    write_results(analysis, folder, figures=False, tables=True)
     names = ("estimates", "pulses", "excluded", "population")
     return analysis, folder, {name: pd.read_csv(folder / f"{name}.csv") for name in names}
 

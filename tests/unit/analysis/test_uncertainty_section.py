@@ -12,8 +12,9 @@ from jointz.analysis.page.report_page import render_report
 from jointz.analysis.page.uncertainty_section import grouped, relative_sds, uncertainty_section
 from jointz.core.codes import Doubt
 from jointz.results.estimates import CellEstimate, ParameterEstimate
-from jointz.results.log_posterior import LogPosterior, UnlikelyParameter
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.study_analysis import StudyAnalysis
+from jointz.results.unlikely_parameter import UnlikelyParameter
 
 NAMES = ("stiffness", "damping", "inertia")
 POINTS = ("LRE", "MST", "TST")
@@ -69,8 +70,9 @@ def test_the_best_measurement_stands_first_with_what_it_would_leave():
     row = plain(section["undecided"][0])
     assert (row["value"], row["unit"]) == ("40.0", "N·m/rad, ± 100 %")
     lag, pulses = row["remedy"].split("; ")
-    assert lag == "lag of the angle (angle_lag_s under [calibration]): ± 41 %"
-    assert pulses.startswith("twice as many pulses: ± 7")
+    assert lag.startswith("measure the lag of the angle behind the torque (angle_lag_s")
+    assert lag.endswith(": ± 41 %")
+    assert pulses.startswith("record twice as many pulses: ± 7")
 
 
 def test_sources_that_hardly_help_are_not_sold_as_a_remedy():
@@ -78,7 +80,7 @@ def test_sources_that_hardly_help_are_not_sold_as_a_remedy():
 
     (row,) = uncertainty_section(analysis(cells, (WIDE, NARROW, NARROW)))["undecided"]
 
-    assert row["remedy"].startswith("no single measurement by more than a tenth; most by ")
+    assert row["remedy"].startswith("no single measurement helps by more than a tenth; the best: ")
 
 
 def test_a_narrow_interval_among_wide_ones_says_so():
@@ -101,7 +103,10 @@ def test_a_doubt_is_the_reason_where_there_are_no_limits():
 
     why = "sensor_delay_s is 0.03, expected 0.003 (0.0006 to 0.014): 2.9 SDs off"
     assert {row["why"] for row in rows} == {f"{Doubt.INSTRUMENTS_UNLIKELY.meaning}; {why}"}
+    remedy = "measure the lag anew (jointz calibrate) and enter it under [calibration]"
+    assert {row["remedy"] for row in rows} == {remedy}
     (row,) = models_frame(made).to_dict("records")
+    assert row["remedy"] == remedy
     assert (row["doubts"], row["parameter"], row["sds"]) == (*doubts, "sensor_delay_s", 2.9)
     assert StudyAnalysis.from_dict(made.to_dict()).log_posteriors[0].unlikely == (late,)
 

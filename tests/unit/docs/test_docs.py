@@ -275,7 +275,6 @@ def quasi_stiffness_frame() -> pd.DataFrame:
         ("models.csv", models_frame),
         ("certificate.csv", lambda _: Certificate("rigid", errors=()).to_frame()),
         ("quasi_stiffness.csv", lambda _: quasi_stiffness_frame()),
-        ("covariance.csv", StudyAnalysis.covariance_frame),
         ("log_posterior.csv", StudyAnalysis.log_posterior_frame),
     ],
 )

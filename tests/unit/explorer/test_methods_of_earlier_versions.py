@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 
 import jointz
+from jointz.analysis.pulse_traces import ReestimationRequest
 from jointz.core.errors import DataError
-from jointz.explorer.reestimation import ReestimationRequest, estimate_by_method, reestimate
+from jointz.explorer.reestimation import estimate_by_method, reestimate
 from jointz.explorer.results_files import open_results
 
 GONE = "weak_form"

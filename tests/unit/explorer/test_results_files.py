@@ -10,17 +10,11 @@ import pandas as pd
 import pytest
 
 from jointz.analysis.analyze import analyze
+from jointz.analysis.pulse_traces import PulseKey, ReestimationRequest, read_traces
 from jointz.core.errors import DataError, WriteError
 from jointz.explorer.exclusions import FILE, decide, is_excluded
-from jointz.explorer.reestimation import (
-    ReestimationRequest,
-    estimate_by_method,
-    read_traces,
-    reestimate,
-    with_new_estimates,
-)
+from jointz.explorer.reestimation import estimate_by_method, reestimate, with_new_estimates
 from jointz.explorer.results_files import cell_of, open_results, pulses_of
-from jointz.explorer.traces import PulseKey
 from jointz.io.study_reader import open_study
 from jointz.results.log_posterior import LogPosterior
 

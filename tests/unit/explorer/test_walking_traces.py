@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import jointz
+from jointz.analysis.pulse_traces import PulseKey, ReestimationRequest, read_traces
 from jointz.core.errors import DataError
 from jointz.explorer.exclusions import decide
-from jointz.explorer.reestimation import ReestimationRequest, read_traces, reestimate
+from jointz.explorer.reestimation import reestimate
 from jointz.explorer.results_files import open_results, pulses_of
-from jointz.explorer.traces import PulseKey
 from jointz.report.wording import onset_note
 from jointz.results.estimates import Response
 
@@ -87,6 +87,21 @@ def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives(opened, tmp_path):
     window = traces_of(found)[key].windows[METHOD]
     np.testing.assert_allclose(window.response_angle, before.response_angle)
     assert window.fitted is None  # it is not part of the fit
+
+
+def test_responses_are_arrays_of_averages_and_with_the_study_of_single_pulses(opened):
+    analysis = jointz.load(opened.folder)
+    averages, points = analysis.responses(), analysis.responses(opened.study)
+
+    assert len(points) == len(averages) == sum(len(c.responses) for c in analysis.cells)
+    for average, point in zip(averages, points, strict=True):
+        assert "angle" not in average
+        assert average.equals(point.drop_vars(["angle", "torque", "onset_s", "recording"]))
+        assert point.sizes["pulse"] == point.n_pulses
+        for name in ("angle", "torque"):
+            np.testing.assert_allclose(point[name].mean("pulse"), point[f"mean_{name}"], atol=1e-9)
+    used = sum(point.sizes["pulse"] for point in points)
+    assert used == sum(cell.n_used for cell in analysis.cells)
 
 
 def test_the_page_says_which_stiffness_is_which(opened):

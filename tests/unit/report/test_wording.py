@@ -1,5 +1,6 @@
 import pytest
 
+from jointz.core.channels import pretty_unit
 from jointz.core.codes import Exclusion, Failure
 from jointz.report.wording import (
     exclusion_meaning,
@@ -9,7 +10,6 @@ from jointz.report.wording import (
     format_number,
     format_signed,
     format_spread,
-    pretty_unit,
     status_meaning,
 )
 from jointz.results.estimates import ParameterEstimate

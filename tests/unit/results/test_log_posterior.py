@@ -67,7 +67,7 @@ def test_a_study_keeps_the_posteriors_of_its_people(tmp_path):
     posteriors = (posterior("S01"), posterior("S02", seed=1, side="left"))
     analysis = Analysis(cells=(), log_posteriors=posteriors)
 
-    analysis.save(tmp_path / "results")
+    analysis.save(tmp_path / "results", tables=True)
 
     assert jointz.load(tmp_path / "results") == analysis
     loaded = jointz.load(tmp_path / "results").log_posteriors
@@ -100,7 +100,7 @@ def test_a_study_without_posteriors_has_no_such_file(tmp_path):
     analysis = Analysis(cells=())
     old = {k: v for k, v in analysis.to_dict().items() if k != "log_posteriors"}
 
-    analysis.save(tmp_path / "results")
+    analysis.save(tmp_path / "results", tables=True)
 
     assert not (tmp_path / "results" / "log_posterior.csv").exists()
     assert tuple(analysis.log_posterior_frame().columns) == LOG_POSTERIOR_COLUMNS

@@ -87,4 +87,4 @@ def test_walking_is_drawn_over_the_gait_cycle_and_a_cell_that_failed_moves_nothi
 
     assert drawn["S01"] == [[7.0, 50.0], [21.0, 60.0]]
     assert [7.2, 55.0] in drawn["S02"]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("gait cycle (%)", "stiffness (N*m/rad)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("gait cycle (%)", "K (N·m/rad)")

@@ -2,15 +2,9 @@
 
 from typing import Any
 
+from jointz.core.channels import pretty_unit
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.report.wording import (
-    DASH,
-    format_count,
-    format_signed,
-    parameter_name,
-    point_name,
-    pretty_unit,
-)
+from jointz.report.wording import DASH, format_count, format_signed, parameter_name, point_name
 from jointz.results.certificate_result import PARAMETERS, Certificate, ExpectedError
 from jointz.results.fit import SYMBOLS
 

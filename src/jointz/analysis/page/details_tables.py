@@ -5,10 +5,11 @@ from typing import Any, Final
 
 import pandas as pd
 
+from jointz.analysis.page.uncertainty_section import remedies
 from jointz.report.wording import ABSOLUTE, AT_ONSET
 from jointz.results.estimates import CellEstimate
-from jointz.results.log_posterior import UnlikelyParameter
 from jointz.results.study_analysis import StudyAnalysis
+from jointz.results.unlikely_parameter import UnlikelyParameter
 
 #: Columns of ``details.csv``.
 DETAIL_COLUMNS: Final = (
@@ -49,12 +50,13 @@ def details_frame(analysis: StudyAnalysis) -> pd.DataFrame:
 
 def models_frame(analysis: StudyAnalysis) -> pd.DataFrame:
     """Return doubts about the model of each person, a row for each parameter that causes them."""
-    parameters = [field.name for field in fields(UnlikelyParameter)]
+    parameters = [*(field.name for field in fields(UnlikelyParameter)), "remedy"]
     columns = ["participant", "session", "side", "doubts", *parameters]
     rows = [
         (p.participant, p.session, p.side, " ".join(p.doubts), *values)
         for p in analysis.log_posteriors
-        for values in [astuple(u) for u in p.unlikely] or [(None,) * len(parameters)]
+        for values in [(*astuple(u), u.remedy) for u in p.unlikely]
+        or [(*[None] * (len(parameters) - 1), remedies(p))]
         if p.doubts
     ]
     return pd.DataFrame(rows, columns=columns).rename(columns={"name": "parameter"})

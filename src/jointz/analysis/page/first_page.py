@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -9,6 +10,15 @@ import numpy as np
 from jointz.analysis.classical import cells_of_both, classical_analysis, classical_note
 from jointz.analysis.page.next_measures import holds_one_torque, next_measures
 from jointz.analysis.page.published_values import published_clause
+from jointz.analysis.page.uncertainty_section import HELD
+from jointz.analysis.page.value_tables import (
+    Row,
+    cells_by_person,
+    mean_rows,
+    mean_text,
+    people_means,
+    short_status,
+)
 from jointz.analysis.paper.citations import CITATIONS
 from jointz.analysis.paper.methods_text import SIMULATED
 from jointz.analysis.summary import chosen_method, name_range, stiffness_extremes
@@ -21,7 +31,6 @@ from jointz.report.subjects import (
     shown_parameters,
     study_spec,
     subjects,
-    timing_points,
 )
 from jointz.report.wording import (
     ABSOLUTE,
@@ -32,7 +41,6 @@ from jointz.report.wording import (
     format_count,
     format_estimate,
     format_integer,
-    format_interval,
     format_span,
     joined,
     method_name,
@@ -56,10 +64,8 @@ _WHAT_K_MEANS: Final = (
     "displacements at the onset"
 )
 
-_Row = dict[str, Any]
 
-
-def first_page(analysis: StudyAnalysis) -> _Row:
+def first_page(analysis: StudyAnalysis) -> Row:
     """Return what the first page shows besides title and figure."""
     warnings = [str(text) for text in analysis.statistics.get("warnings", ())]
     return {
@@ -155,7 +161,7 @@ def _device(analysis: StudyAnalysis) -> str:
 # --- table ---------------------------------------------------------------------------------------
 
 
-def _table(analysis: StudyAnalysis) -> _Row | None:
+def _table(analysis: StudyAnalysis) -> Row | None:
     """Return means over people, or estimates if no mean is available.
 
     Where a value is not available, the classical one stands beside it.
@@ -165,22 +171,25 @@ def _table(analysis: StudyAnalysis) -> _Row | None:
     if not shown_parameters(cells_of_both(analysis, classical)):
         return None
     heads = [{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters]
-    means = [m for m in _people_means(analysis) if m.parameter in parameters]
+    means = [m for m in people_means(analysis) if m.parameter in parameters]
     several = len({c.label for c in analysis.cells}) > 1
     level = f"{100 * analysis.settings.get('ci_level', 0.95):g} % interval"
-    beside = _people_means(classical) if classical else []
+    beside = people_means(classical)
     known = [m for m in means if m.value is not None]
     if not shown_parameters(analysis.cells):  # nobody has a value of his own
         known = [m for m in beside if m.value is not None and m.parameter in parameters]
     if known:
         numbers = format_span([m.n_participants for m in known], str)
-        rows = _mean_rows(analysis, means, beside, parameters)
+        of_classical = {(m.timing_point, m.parameter): m for m in beside}
+        write = partial(_mean, of_classical)
+        rows = mean_rows(analysis.cells, means, parameters, write)
         note = f"Mean over {numbers} {subjects(analysis).many} [{level}]."
     else:
         others = {(c.label, c.timing_point): c for c in classical.cells} if classical else {}
         rows = [
             _cell_row(cell, others.get((cell.label, cell.timing_point)), parameters)
-            for cell in _in_order(analysis)
+            for cells in cells_by_person(analysis.cells).values()
+            for cell in cells
         ]
         note = f"Estimate [{level}]."
     return {
@@ -208,58 +217,7 @@ def _table_parameters(analysis: StudyAnalysis, classical: StudyAnalysis | None =
     ]
 
 
-def _people_means(analysis: StudyAnalysis) -> list[PopulationEstimate]:
-    """Return means over several people, those without a value too."""
-    several = len({c.participant for c in analysis.cells}) > 1
-    return list(analysis.population) if several else []
-
-
-def _mean_rows(
-    analysis: StudyAnalysis,
-    means: Sequence[PopulationEstimate],
-    classical: Sequence[PopulationEstimate],
-    parameters: Sequence[str],
-) -> list[_Row]:
-    by_place, beside = (
-        {(m.timing_point, m.parameter): m for m in some} for some in (means, classical)
-    )
-    names = (*timing_points(analysis.cells), ALL_POINTS)
-    return [
-        {
-            "who": "",
-            "name": point_name(name),
-            "cells": [_mean(by_place.get((name, p)), beside.get((name, p))) for p in parameters],
-        }
-        for name in names
-        if any((name, p) in by_place for p in parameters)
-    ]
-
-
-def _mean(mean: PopulationEstimate | None, classical: PopulationEstimate | None) -> _Row:
-    if mean is None:
-        return {"text": "", "classical": ""}
-    if mean.value is not None:
-        return {"text": format_interval(mean.value, mean.ci_low, mean.ci_high), "classical": ""}
-    value = None if classical is None else classical.value
-    return {
-        "text": mean.status.partition(":")[0],
-        "classical": ""
-        if classical is None or value is None
-        else format_interval(value, classical.ci_low, classical.ci_high),
-    }
-
-
-def _in_order(analysis: StudyAnalysis) -> list[CellEstimate]:
-    order = {name: i for i, name in enumerate([*timing_points(analysis.cells), ALL_POINTS])}
-    labels = list(dict.fromkeys(c.label for c in analysis.cells))
-    return sorted(
-        analysis.cells, key=lambda c: (labels.index(c.label), order.get(c.timing_point, 0))
-    )
-
-
-def _cell_row(
-    cell: CellEstimate, classical: CellEstimate | None, parameters: Sequence[str]
-) -> _Row:
+def _cell_row(cell: CellEstimate, classical: CellEstimate | None, parameters: Sequence[str]) -> Row:
     cells = [
         _estimate(cell.parameter(name), classical.parameter(name) if classical else None)
         for name in parameters
@@ -267,12 +225,22 @@ def _cell_row(
     return {"who": cell.label, "name": point_name(cell.timing_point), "cells": cells}
 
 
-def _estimate(estimate: ParameterEstimate | None, classical: ParameterEstimate | None) -> _Row:
+def _mean(
+    classical: Mapping[tuple[str, str], PopulationEstimate], mean: PopulationEstimate | None
+) -> Row:
+    if mean is None:
+        return {"text": "", "classical": ""}
+    beside = None if mean.value is not None else classical.get((mean.timing_point, mean.parameter))
+    known = beside is not None and beside.value is not None
+    return {"text": mean_text(mean), "classical": mean_text(beside) if beside and known else ""}
+
+
+def _estimate(estimate: ParameterEstimate | None, classical: ParameterEstimate | None) -> Row:
     if estimate is None:
         return {"text": "", "classical": ""}
     text, beside = format_estimate(estimate), ""
     if text == DASH:
-        text = estimate.status.partition(":")[0]
+        text = short_status(estimate.status)
         beside = format_estimate(classical) if classical and classical.available else ""
     return {"text": text, "classical": beside}
 
@@ -327,13 +295,13 @@ def _why_missing(analysis: StudyAnalysis, cell: CellEstimate, estimate: Paramete
         if estimate.ci_low is None:
             return "the model does not explain the responses"
         if estimate.name != "inertia" and holds_one_torque(analysis, cell):
-            return "K and B are not identifiable from pulses that hold one torque"
+            return HELD
     return "the interval is too wide"
 
 
 def _means(analysis: StudyAnalysis) -> str:
     """Say at how many timing points each mean can be estimated."""
-    means = study_counts(analysis).means if _people_means(analysis) else {}
+    means = study_counts(analysis).means if people_means(analysis) else {}
     counts = {n: means[n] for n in _table_parameters(analysis) if n in means}
     many = subjects(analysis).many
     if not counts:

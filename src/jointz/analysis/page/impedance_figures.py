@@ -14,6 +14,7 @@ from jointz.analysis.summary import (
     interval_methods,
     mean_interval,
 )
+from jointz.core.channels import axis_label
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.report.style import (
     legend_line,
@@ -25,13 +26,7 @@ from jointz.report.style import (
     shade_phases,
 )
 from jointz.report.subjects import shown_parameters, subjects, timing_points
-from jointz.report.wording import (
-    ABSOLUTE,
-    format_count,
-    onset_note,
-    parameter_label,
-    parameter_name,
-)
+from jointz.report.wording import ABSOLUTE, format_count, onset_note, parameter_name
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.figure_style import BLUE, COLUMN_MM, FAINT, GREY, INK, SKY, WIDTH_MM
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
@@ -251,7 +246,7 @@ def _draw_parameter(
         _draw_marks(axes, grey, colour=GREY, size=mean_size, width=mean_width, marker="D")
     _draw_marks(axes, marks, colour=SKY, size=2.8 * layout.marks, width=0.9 * layout.marks)
     _draw_marks(axes, mean_marks, colour=INK, size=mean_size, width=mean_width, marker="D")
-    axes.set_ylabel(parameter_label(parameter))
+    axes.set_ylabel(axis_label(parameter))
     if layout.narrow:
         _fit_to_column(axes)
     note = _note([p for _, p in estimates], len(marks), beyond)

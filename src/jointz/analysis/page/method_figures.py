@@ -12,18 +12,11 @@ from jointz.analysis.summary import (
     counted_people,
     means_of_people_together,
 )
-from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.channels import PARAMETER_UNITS, axis_label, pretty_unit
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.style import legend_line, new_figure, panel_heading, place_legend, place_panels
 from jointz.report.subjects import shown_parameters, subjects, timing_points
-from jointz.report.wording import (
-    PARAMETERS,
-    format_count,
-    method_name,
-    parameter_label,
-    parameter_name,
-    pretty_unit,
-)
+from jointz.report.wording import PARAMETERS, format_count, method_name, parameter_name
 from jointz.results.figure_style import (
     BLUE,
     FAINT,
@@ -154,7 +147,7 @@ def _draw_method_panel(
     axes.set_xticks(range(len(names)), names, rotation=45 if len(names) > 8 else 0)
     axes.tick_params(axis="x", labelsize=SMALL_PT, length=0)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    panel_heading(axes, parameter_label(parameter))
+    panel_heading(axes, axis_label(parameter))
 
 
 def _draw_method(

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from jointz.analysis.page.uncertainty_section import parts_by_source, relative_sds
+from jointz.analysis.page.uncertainty_section import HELD, MEASURES, parts_by_source, relative_sds
 from jointz.analysis.summary import used_coupling
 from jointz.core.codes import Doubt
 from jointz.report.subjects import nobody_perturbed, shown_parameters, subjects
@@ -16,18 +16,6 @@ from jointz.results.estimates import CellEstimate, decides, relative_half_width
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 from jointz.results.study_counts import study_counts
 
-#: Source of uncertainty -> what to do about it.
-_MEASURES: Final[Mapping[str, str]] = {
-    "pulses": "Record twice as many pulses",
-    "lag": "Measure the lag of the angle behind the torque (angle_lag_s under [calibration])",
-    "friction": "Measure the torque, or the friction of the actuator on the bench",
-    "strap": "Measure resonance and damping of strap and tissue, and the inertia of the device",
-    "mount": "Measure resonance and damping of the goniometer on its mount",
-    "softening": "Apply pulses of several sizes, which show how stiffness falls with displacement",
-    "reflex": "Apply pulses of both directions, which show the strength of the reflex",
-    "gain": "Calibrate the gain of the torque",
-    "inertia": "Measure the inertia of leg and device by other means",
-}
 #: Source -> property of device, sensors or leg.
 _INSTRUMENTS: Final[Mapping[str, str]] = {
     "lag": "lag of the angle",
@@ -45,8 +33,8 @@ _PERTURB: Final = (
     "on quasi-stiffness has moment over angle, if a moment was recorded."
 )
 _DOUBLETS: Final = (
-    "Use doublets of two shapes and sizes, as the protocol walking_doublets does: K and B are not "
-    "identifiable from a torque that is held, however many pulses there are."
+    f"Use doublets of two shapes and sizes, as the protocol walking_doublets does: {HELD}, however "
+    "many pulses there are."
 )
 _MOST: Final = 2
 #: A measure is named if it makes the interval narrower by this share.
@@ -149,7 +137,8 @@ def _decides(gain: _Gain, left: float) -> bool:
 
 
 def _sentence(name: str, decided: int, narrower: float, total: int) -> str:
-    measure = _MEASURES.get(name, f"Measure {name.replace('_', ' ')}")
+    measure = MEASURES.get(name, f"measure {name.replace('_', ' ')}")
+    measure = measure[0].upper() + measure[1:]
     if decided:
         return f"{measure}: this alone would make {decided} of {total} undecided values available."
     return f"{measure}: this narrows the undecided intervals by {100 * narrower:.0f} % (median)."

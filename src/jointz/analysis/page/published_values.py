@@ -5,16 +5,11 @@ from statistics import fmean, stdev
 from typing import Any, Final
 
 from jointz.analysis.classical import classical_analysis
+from jointz.core.channels import axis_label
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import chapter4
 from jointz.report.subjects import subjects
-from jointz.report.wording import (
-    DASH,
-    format_estimate,
-    format_interval,
-    format_number,
-    parameter_label,
-)
+from jointz.report.wording import DASH, format_estimate, format_interval, format_number
 from jointz.results.study_analysis import StudyAnalysis
 
 _COMPARED: Final = ("stiffness_per_mass", "damping_per_mass", "inertia")
@@ -36,7 +31,7 @@ def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
     if not points:
         return None
     return {
-        "heads": [parameter_label(name) for name in names],
+        "heads": [axis_label(name) for name in names],
         "inertia": "inertia" in names,
         "classical": classical_analysis(analysis) is not None,
         "rows": [

@@ -5,9 +5,10 @@ from typing import Any, Final
 
 from jointz.analysis.paper.latex import MARKS
 from jointz.analysis.paper.table import NO_VALUE, NOTE, Table
+from jointz.core.channels import pretty_unit
 from jointz.core.events import row_label
 from jointz.report.subjects import subjects
-from jointz.report.wording import DASH, format_integer, format_interval, pretty_unit
+from jointz.report.wording import DASH, format_integer, format_interval
 from jointz.results.statistics.quasi_stiffness_fit import WINDOW_PCT, QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
 

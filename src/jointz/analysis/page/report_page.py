@@ -4,6 +4,7 @@ import hashlib
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +21,14 @@ from jointz.analysis.page.next_measures import instrument_shares
 from jointz.analysis.page.published_values import published_section
 from jointz.analysis.page.quasi_stiffness_section import quasi_stiffness_section
 from jointz.analysis.page.uncertainty_section import grouped, uncertainty_section
+from jointz.analysis.page.value_tables import (
+    Row,
+    cells_by_person,
+    mean_rows,
+    mean_text,
+    point_order,
+    short_status,
+)
 from jointz.analysis.paper.methods_text import methods_text
 from jointz.analysis.summary import (
     fitted_signals,
@@ -27,9 +36,8 @@ from jointz.analysis.summary import (
     stiffness_extremes,
 )
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.html_page import render_template
-from jointz.report.subjects import subjects, timing_points
+from jointz.report.subjects import subjects
 from jointz.report.wording import (
     ABSOLUTE,
     ALL_PARAMETERS,
@@ -40,7 +48,6 @@ from jointz.report.wording import (
     format_count,
     format_estimate,
     format_integer,
-    format_interval,
     format_number,
     format_span,
     format_spread,
@@ -63,8 +70,6 @@ _HASH_DIGITS: Final = 12
 _MANY_PEOPLE: Final = 5
 _MOST_COLUMNS: Final = 8
 _COUNTS: Final = ("n_strikes", "n_accepted", "n_rejected", "n_gaps")
-
-_Row = dict[str, Any]
 
 
 def render_report(
@@ -99,7 +104,12 @@ def render_report(
         figures=figures_by_section(analysis, _without_repeats(figures, run)),
         columns=[{"name": parameter_name(c), "unit": PARAMETER_UNITS[c]} for c in columns],
         vaf=_vaf(statistics),
-        people=[] if matrix else _people(analysis, columns),
+        people=[]
+        if matrix
+        else [
+            {"id": person, "rows": [_cell_row(c, columns) for c in cells]}
+            for person, cells in cells_by_person(analysis.cells).items()
+        ],
         matrix=matrix,
         onset_note=onset_note(parameters),
         statuses=_statuses(analysis),
@@ -160,18 +170,11 @@ def _vaf(statistics: Mapping[str, Any]) -> str:
     return "" if mean is None else format_vaf(mean)
 
 
-def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[_Row]:
+def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[Row]:
     if not any(m.n_participants > 1 for m in analysis.population):
         return []
-    by_place = {(m.timing_point, m.parameter): m for m in analysis.population}
-    with_n = _common_number(analysis) is None
-    rows = []
-    for name in (*timing_points(analysis.cells), ALL_POINTS):
-        means = [by_place.get((name, p)) for p in parameters]
-        if any(means):
-            cells = [_mean_cell(m, with_n=with_n) for m in means]
-            rows.append({"name": point_name(name), "cells": cells})
-    return rows
+    write = partial(_mean_cell, with_n=_common_number(analysis) is None)
+    return mean_rows(analysis.cells, analysis.population, parameters, write)
 
 
 def _common_number(analysis: StudyAnalysis) -> int | None:
@@ -180,44 +183,25 @@ def _common_number(analysis: StudyAnalysis) -> int | None:
     return numbers.pop() if len(numbers) == 1 else None
 
 
-def _mean_cell(mean: PopulationEstimate | None, *, with_n: bool) -> _Row:
+def _mean_cell(mean: PopulationEstimate | None, *, with_n: bool) -> Row:
     if mean is None:
         return {"text": "", "note": ""}
+    text = mean_text(mean)
     if mean.value is None:
         # The table of statuses explains it; in every cell the sentence makes the table too wide.
-        if mean.status == "undecided":
-            return {"text": mean.status, "note": ""}
-        return {"text": DASH, "note": status_meaning(mean.status)}
+        return {"text": text, "note": "" if text == "undecided" else status_meaning(mean.status)}
     shown = (mean.value, mean.ci_low, mean.ci_high)
     sd = f"SD {format_spread(mean.sd, *shown)}" if mean.sd is not None else ""
     if mean.sample_sd not in (None, mean.sd):
         sd += f" (sample {format_spread(mean.sample_sd, *shown)})"
     n = f"n {mean.n_participants}" if with_n else ""
-    return {"text": format_interval(*shown), "note": ", ".join(x for x in (sd, n) if x)}
+    return {"text": text, "note": ", ".join(x for x in (sd, n) if x)}
 
 
-def _people(analysis: StudyAnalysis, columns: Sequence[str]) -> list[_Row]:
-    """Return participants, each with a row for each timing point in the order of the cycle."""
-    order = {name: i for i, name in enumerate([*timing_points(analysis.cells), ALL_POINTS])}
-    by_person: dict[str, list[CellEstimate]] = {}
-    for cell in analysis.cells:
-        by_person.setdefault(cell.label, []).append(cell)
-    return [
-        {
-            "id": person,
-            "rows": [
-                _cell_row(c, columns) for c in sorted(cells, key=lambda c: order[c.timing_point])
-            ],
-        }
-        for person, cells in by_person.items()
-    ]
-
-
-def _matrix(analysis: StudyAnalysis, columns: Sequence[str]) -> _Row | None:
+def _matrix(analysis: StudyAnalysis, columns: Sequence[str]) -> Row | None:
     """Return values of many people with the timing points side by side, None for few people."""
-    names = [*timing_points(analysis.cells), ALL_POINTS]
     cells = {(c.label, c.timing_point): c for c in analysis.cells}
-    names = [n for n in names if any(point == n for _, point in cells)]
+    names = [n for n in point_order(analysis.cells) if any(point == n for _, point in cells)]
     people = list(dict.fromkeys(c.label for c in analysis.cells))
     if len(people) < _MANY_PEOPLE or len(names) > _MOST_COLUMNS:
         return None
@@ -249,10 +233,10 @@ def _matrix_cell(cell: CellEstimate | None, name: str) -> str:
         return format_number(estimate.value)
     if estimate.status == "at_bound":
         return f"at most {format_number(estimate.ci_high)}"
-    return estimate.status.partition(":")[0]
+    return short_status(estimate.status)
 
 
-def _cell_row(cell: CellEstimate, columns: Sequence[str]) -> _Row:
+def _cell_row(cell: CellEstimate, columns: Sequence[str]) -> Row:
     estimates = [cell.parameter(name) for name in columns]
     statuses = {p.status for p in estimates if p is not None}
     # If everything failed for one reason, one sentence replaces three dashes.
@@ -267,26 +251,26 @@ def _cell_row(cell: CellEstimate, columns: Sequence[str]) -> _Row:
     }
 
 
-def _estimate_cell(estimate: ParameterEstimate) -> _Row:
+def _estimate_cell(estimate: ParameterEstimate) -> Row:
     badge = None if estimate.status == "ok" else _badge(estimate.status)
     text = format_estimate(estimate)
     # A dash before the badge would add nothing.
     return {"text": "" if text == DASH else text, "badge": badge}
 
 
-def _badge(status: str) -> _Row:
-    kind = status.split(":")[0]
+def _badge(status: str) -> Row:
+    kind = short_status(status)
     return {"kind": kind, "text": kind.replace("_", " "), "meaning": status_meaning(status)}
 
 
-def _statuses(analysis: StudyAnalysis) -> list[_Row]:
+def _statuses(analysis: StudyAnalysis) -> list[Row]:
     return [
         {**_badge(status), "status": status, "count": count}
         for status, count in study_counts(analysis).statuses.most_common()
     ]
 
 
-def _excluded(analysis: StudyAnalysis) -> _Row:
+def _excluded(analysis: StudyAnalysis) -> Row:
     frame = analysis.excluded_frame()
     counts = Counter(zip(frame["kind"], frame["code"], strict=True))
     return {
@@ -299,7 +283,7 @@ def _excluded(analysis: StudyAnalysis) -> _Row:
     }
 
 
-def _recordings(analysis: StudyAnalysis) -> list[_Row]:
+def _recordings(analysis: StudyAnalysis) -> list[Row]:
     """Return strides and gaps of each recording; without strides, its gaps only."""
     rows = [dict(row) for row in analysis.statistics.get("strides", ())]
     if rows:
@@ -313,9 +297,9 @@ def _recordings(analysis: StudyAnalysis) -> list[_Row]:
     ]
 
 
-def _conditions(recordings: Sequence[_Row]) -> list[_Row]:
+def _conditions(recordings: Sequence[Row]) -> list[Row]:
     """Return a row for each condition with the totals of its recordings."""
-    rows: dict[str, list[_Row]] = {}
+    rows: dict[str, list[Row]] = {}
     for row in recordings:
         rows.setdefault(str(row.get("condition") or DASH), []).append(row)
     return [
@@ -346,7 +330,7 @@ def _names(provenance: Mapping[str, Any]) -> dict[str, str]:
     return {entry["file"]: entry["name"] for entry in inputs if entry.get("name")}
 
 
-def _inputs(provenance: Mapping[str, Any]) -> list[_Row]:
+def _inputs(provenance: Mapping[str, Any]) -> list[Row]:
     return [
         {
             "file": entry.get("name") or entry.get("file", DASH),
@@ -475,7 +459,7 @@ def _p(value: float | None) -> str:
     return f"{value:.2g}" if value >= _SMALLEST_P else f"< {_SMALLEST_P:.4f}"
 
 
-def truth_section(truth: pd.DataFrame, accuracy: pd.DataFrame | None = None) -> _Row:
+def truth_section(truth: pd.DataFrame, accuracy: pd.DataFrame | None = None) -> Row:
     """Return errors and coverage of the intervals by parameter, and what each protocol decides."""
     known = truth.dropna(subset=["truth", "estimate"])
     summary = []
@@ -496,7 +480,7 @@ def truth_section(truth: pd.DataFrame, accuracy: pd.DataFrame | None = None) -> 
     return {"summary": summary, "protocols": _protocol_rows(accuracy)}
 
 
-def _protocol_rows(accuracy: pd.DataFrame | None) -> list[_Row]:
+def _protocol_rows(accuracy: pd.DataFrame | None) -> list[Row]:
     if accuracy is None:
         return []
     return [

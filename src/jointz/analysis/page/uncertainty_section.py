@@ -7,17 +7,12 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.analysis.summary import used_coupling
+from jointz.core.channels import pretty_unit
 from jointz.core.codes import Doubt
 from jointz.core.method_names import WITH_POSTERIOR
 from jointz.identify.walking.coupling import Coupling
 from jointz.identify.walking.decisions import with_model_error
-from jointz.report.wording import (
-    ABSOLUTE,
-    format_number,
-    format_span,
-    parameter_name,
-    pretty_unit,
-)
+from jointz.report.wording import ABSOLUTE, format_number, format_span, parameter_name
 from jointz.results.estimates import (
     CellEstimate,
     ParameterEstimate,
@@ -29,27 +24,40 @@ from jointz.results.study_analysis import StudyAnalysis
 
 _NOTE: Final = (
     "Value: the median of the posterior, and half of its 95 % interval in % of it; it is no "
-    "estimate. What would help: measurements, each with the half-interval that would remain "
+    "estimate. What would help: each measurement with the half-interval that would remain "
     "if the quantity were known exactly and nothing else changed; they come from the posterior, "
     "and do not add up. Half-intervals of more than 50 % are undecided."
 )
-#: Source of :mod:`jointz.identify.walking.information` -> measurement in words.
-_MEASUREMENTS: Final[Mapping[str, str]] = {
-    "pulses": "twice as many pulses",
-    "strap": "resonance and damping of strap and tissue, and the inertia of the device",
-    "mount": "resonance and damping of the goniometer on its mount",
-    "lag": "lag of the angle (angle_lag_s under [calibration])",
-    "softening": "how stiffness falls with displacement, from pulses of several sizes",
-    "reflex": "strength and latency of the reflex, from pulses of both directions",
-    "friction": "friction that the torque does not include",
-    "gain": "gain of the torque",
-    "inertia": "inertia of leg and device, measured by other means",
+#: Source of :mod:`jointz.identify.walking.information` -> what to do about it.
+MEASURES: Final[Mapping[str, str]] = {
+    "pulses": "record twice as many pulses",
+    "strap": "measure resonance and damping of strap and tissue, and the inertia of the device",
+    "mount": "measure resonance and damping of the goniometer on its mount",
+    "lag": "measure the lag of the angle behind the torque (angle_lag_s under [calibration])",
+    "softening": "apply pulses of several sizes, which show how stiffness falls with displacement",
+    "reflex": "apply pulses of both directions, which show the strength of the reflex",
+    "friction": "measure the torque, or the friction of the actuator on the bench",
+    "gain": "calibrate the gain of the torque",
+    "inertia": "measure the inertia of leg and device by other means",
+}
+#: Doubt that names no parameter -> what to do about it.
+_REMEDIES: Final[Mapping[str, str]] = {
+    Doubt.HELD_TORQUE: "use doublets of two shapes and sizes, or short pulses of several sizes",
+    Doubt.SENSORS_CONTRADICT: "check the sensor that the note names",
+    Doubt.STEEP_CHANGE: "move this timing point away from the change, or report its neighbours",
+    Doubt.RESPONSES_UNLIKE_SIZE: "check the torque that the motor gave; leave out larger pulses",
+    Doubt.RESPONSES_MISFIT: "look at the responses of this timing point: jointz explore",
 }
 #: A measurement is named if it makes the interval narrower by this share.
 _WORTH_NAMING: Final = 0.1
 _MOST_NAMED: Final = 3
-_NOTHING_ALONE: Final = "no single measurement"
-_NO_INTERVAL: Final = "the posterior has no interval that means anything"
+_NOTHING_ALONE: Final = "no single measurement would be enough"
+_HARDLY: Final = "no single measurement helps by more than a tenth; the best"
+#: Why K and B are undecided after such pulses, however many there are.
+HELD: Final = "K and B are not identifiable from pulses that hold one torque"
+#: Doubts with which values or their limits are available.
+_AGAINST_NONE: Final = frozenset({Doubt.HELD_TORQUE.value, Doubt.SENSORS_CONTRADICT.value})
+_NO_INTERVAL: Final = "the interval is too wide for any limit"
 #: Numbers of a reason or remedy, which differ between estimates of one kind.
 _NUMBERS: Final = re.compile(r": ±\s[>\s\d]+%")
 _Row = dict[str, Any]
@@ -117,9 +125,9 @@ def _details(cells: Sequence[CellEstimate]) -> _Row:
 def _undecided(analysis: StudyAnalysis) -> list[_Row]:
     """Return a row for each undecided K, B and J."""
     sds, coupling = relative_sds(analysis), used_coupling(analysis)
-    doubts = {posterior.label: _doubts(posterior) for posterior in analysis.log_posteriors}
+    posteriors = {posterior.label: posterior for posterior in analysis.log_posteriors}
     return [
-        _row(cell, estimate, sds, doubts.get(cell.label, ""), parts_by_source(cell, name, coupling))
+        _row(cell, estimate, sds, posteriors.get(cell.label), parts_by_source(cell, name, coupling))
         for cell in analysis.cells
         for name in ABSOLUTE
         if (estimate := cell.parameter(name)) is not None and estimate.status == "undecided"
@@ -148,31 +156,47 @@ def _row(
     cell: CellEstimate,
     estimate: ParameterEstimate,
     sds: Mapping[_Key, float],
-    doubts: str,
+    posterior: LogPosterior | None,
     parts: Mapping[str, float],
 ) -> _Row:
     sd = sds.get((cell.label, estimate.name, cell.timing_point))
-    others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
-    withheld = estimate.ci_low is None
-    reach = "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
-    return {
+    row = {
         "participant": cell.label,
         "name": cell.timing_point,
         "parameter": parameter_name(estimate.name),
         "value": format_number(estimate.unbounded),
-        "unit": f"{pretty_unit(estimate.unit)}{reach}",
-        "why": (doubts or _NO_INTERVAL) if withheld else _too_wide(sd, others),
-        "remedy": "checking what the reason names" if withheld else _remedy(estimate, sd, parts),
+        "unit": f"{pretty_unit(estimate.unit)}{_reach(sd)}",
     }
+    doubts = posterior.doubts if posterior else ()
+    if posterior and estimate.ci_low is None and not _AGAINST_NONE.issuperset(doubts):
+        return {**row, "why": _contradictions(posterior), "remedy": remedies(posterior)}
+    if Doubt.HELD_TORQUE.value in doubts and estimate.name != "inertia":
+        return {**row, "why": HELD, "remedy": _REMEDIES[Doubt.HELD_TORQUE]}
+    others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
+    why = _too_wide(estimate, sd, others)
+    return {**row, "why": why, "remedy": _remedy(estimate, sd, parts)}
 
 
-def _doubts(posterior: LogPosterior) -> str:
+def _reach(sd: float | None) -> str:
+    return "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
+
+
+def _contradictions(posterior: LogPosterior) -> str:
     """Say what speaks against a person's model, and which parameters do."""
     meanings = [Doubt(code).meaning for code in posterior.doubts]
     return "; ".join([*meanings, *map(str, posterior.unlikely)])
 
 
-def _too_wide(sd: float | None, others: Sequence[float]) -> str:
+def remedies(posterior: LogPosterior) -> str:
+    """Say what to check about the parameters and responses that contradict the model."""
+    of_doubts = [_REMEDIES[doubt] for doubt in posterior.doubts if doubt in _REMEDIES]
+    named = dict.fromkeys([*(found.remedy for found in posterior.unlikely), *of_doubts])
+    return "; ".join(named) or "check what the reason names"
+
+
+def _too_wide(estimate: ParameterEstimate, sd: float | None, others: Sequence[float]) -> str:
+    if estimate.ci_low is None:
+        return _NO_INTERVAL
     if sd is None or not decides(1.0, relative_half_width(sd)):
         return "half of the interval exceeds 50 % of the value"
     usual = relative_half_width(float(np.median(others)))
@@ -195,13 +219,11 @@ def _remedy(estimate: ParameterEstimate, sd: float | None, parts: Mapping[str, f
         for source, part in parts.items()
     }
     ordered = sorted(left, key=left.__getitem__)
-    named = [
-        f"{_MEASUREMENTS[n]}: ±\N{NO-BREAK SPACE}{_pct(left[n])}" for n in ordered[:_MOST_NAMED]
-    ]
+    named = [f"{MEASURES[n]}: ±\N{NO-BREAK SPACE}{_pct(left[n])}" for n in ordered[:_MOST_NAMED]]
     worth = sum(x <= (1.0 - _WORTH_NAMING) * now for x in left.values())
     if worth or not named:
         return "; ".join(named[:worth]) or _NOTHING_ALONE
-    return f"{_NOTHING_ALONE} by more than a tenth; most by {named[0]}"
+    return f"{_HARDLY}: {named[0]}"
 
 
 def _pct(share: float) -> str:

@@ -8,11 +8,12 @@ import numpy as np
 
 from jointz.analysis.paper.citations import cite
 from jointz.analysis.summary import used_coupling
+from jointz.core.channels import pretty_unit
 from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, SharePrior, Spread
 from jointz.identify.walking.coupling import Coupling
 from jointz.identify.walking.leg_model import REFERENCE_S
 from jointz.identify.walking.responses import LARGEST_RAD, data_length_s
-from jointz.report.wording import AT_ONSET, format_exact, onset_note, pretty_unit
+from jointz.report.wording import AT_ONSET, format_exact, onset_note
 from jointz.results.study_analysis import StudyAnalysis
 
 _STRAPPED_LEG: Final = (

@@ -9,7 +9,7 @@ import numpy as np
 from jointz.analysis.paper.citations import cite
 from jointz.analysis.paper.methods_calibration import calibration_sentences
 from jointz.analysis.summary import name_range
-from jointz.core.channels import is_turned
+from jointz.core.channels import is_turned, pretty_unit
 from jointz.core.events import PulseRecord
 from jointz.core.study import StudySpec
 from jointz.report.pulse_words import pulse_names, pulse_unit
@@ -22,7 +22,6 @@ from jointz.report.wording import (
     format_number,
     format_signed,
     format_span,
-    pretty_unit,
 )
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.description import onset_accuracy

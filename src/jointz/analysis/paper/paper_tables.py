@@ -16,7 +16,7 @@ from jointz.analysis.summary import (
     mean_interval,
     mean_over_people_note,
 )
-from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.channels import PARAMETER_UNITS, axis_label, pretty_unit
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.subjects import nobody_perturbed, subjects, timing_points
 from jointz.report.wording import (
@@ -30,10 +30,8 @@ from jointz.report.wording import (
     format_spread,
     format_vaf,
     method_name,
-    parameter_label,
     parameter_name,
     point_name,
-    pretty_unit,
     status_meaning,
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
@@ -86,7 +84,7 @@ def _estimates(analysis: StudyAnalysis, names: Sequence[str]) -> Table:
     )
     head = [words.one.capitalize(), words.point.capitalize()]
     head += ["Onset (% of cycle)"] if walking else []
-    head += [*map(parameter_label, present), "VAF (%)", "Used", "Out", NOTE]
+    head += [*map(axis_label, present), "VAF (%)", "Used", "Out", NOTE]
     estimates = [p for c in cells for n in present if (p := c.parameter(n)) is not None]
     marks = _marks(estimates)
     rows = tuple(_estimate_row(c, present, marks, walking=walking) for c in cells)

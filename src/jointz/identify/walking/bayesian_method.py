@@ -38,6 +38,7 @@ from jointz.identify.walking.decisions import (
     doubts_of,
     only_limits,
     rejects_value,
+    unlikely_inertias,
     unlikely_instruments,
     unlikely_lag,
 )
@@ -56,7 +57,8 @@ from jointz.identify.walking.prior import LegPriors
 from jointz.identify.walking.responses import PointResponse, ShapeAverage, corrected, point_response
 from jointz.results.estimates import CellEstimate, ParameterEstimate, PulseExample, Response
 from jointz.results.impedance_limits import LARGEST_IMPEDANCE
-from jointz.results.log_posterior import LogPosterior, UnlikelyParameter
+from jointz.results.log_posterior import LogPosterior
+from jointz.results.unlikely_parameter import UnlikelyParameter
 
 LONGEST_WINDOW_S = 0.25
 #: Beyond the data that are used, for sensors that lag.
@@ -168,7 +170,9 @@ class _Explained:
     @property
     def unlikely(self) -> tuple[UnlikelyParameter, ...]:
         """Parameters that speak against the model."""
-        return (*([self.unlikely_lag] if self.unlikely_lag else []), *self.instruments)
+        lag = [self.unlikely_lag] if self.unlikely_lag else []
+        doubts = set[Doubt]().union(*self.doubts())
+        return (*lag, *self.instruments, *unlikely_inertias(self.moments, self.body, doubts))
 
 
 @dataclass(slots=True, eq=False)
@@ -268,9 +272,8 @@ class _Participant:
     def _notes(self) -> tuple[str, ...]:
         """Name sensors that are not used, and parameters that speak against the model."""
         unlikely = self._fitted.unlikely if self._fitted else ()
-        return tuple(
-            f"{self._data.participant}: {note}" for note in (*self._choice.notes(), *unlikely)
-        )
+        notes = (*self._choice.notes(), *(f"{found}; {found.remedy}" for found in unlikely))
+        return tuple(f"{self._data.participant}: {note}" for note in notes)
 
     # --- before the fit ------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 """Reported values, limits, statuses and doubts of a timing point."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -20,7 +20,7 @@ from jointz.identify.walking.posterior import LegPosterior
 from jointz.identify.walking.prior import LAG_MODEL_S, untransformed
 from jointz.identify.walking.responses import PointResponse
 from jointz.results.estimates import ONE_SIDED_95, REACH_95, ParameterEstimate, decides
-from jointz.results.log_posterior import UnlikelyParameter
+from jointz.results.unlikely_parameter import UnlikelyParameter
 from jointz.results.value_scale import ValueScale
 
 #: A value is judged by its half-width and by the geometric mean of that and the median of the
@@ -108,9 +108,7 @@ def doubts_of(
 
     An inertia that is not the body's on average is a doubt of the whole person.
     """
-    n_points = len(posterior.model.points)
-    inertias = np.array([moments.of("inertia", point)[0] for point in range(n_points)])
-    off, prior_sd = inertias - np.log(body.inertia.median), body.inertia.log_sd
+    off, prior_sd = _inertia_off(moments, body), body.inertia.log_sd
     of_person: set[Doubt] = set()
     if unlikely:
         of_person.add(Doubt.INSTRUMENTS_UNLIKELY)
@@ -126,6 +124,30 @@ def doubts_of(
         | held_torque(posterior.model.points[point], coupling)
         for point, misfit in enumerate(posterior.best.misfits)
     )
+
+
+def unlikely_inertias(
+    moments: LogMoments, body: Body, doubts: Collection[Doubt]
+) -> Iterator[UnlikelyParameter]:
+    """Yield the inertia of leg and device that is unlike the body's: the mean, the farthest."""
+    off, prior_sd = _inertia_off(moments, body), body.inertia.log_sd
+    if Doubt.INERTIA_UNLIKE_BODY in doubts:
+        yield _unlike_body("inertia", body, float(off.mean()), prior_sd)
+    if Doubt.INERTIA_UNLIKE_AT_POINT in doubts:
+        farthest, sd = off[np.abs(off).argmax()], np.hypot(prior_sd, body.inertia_of_point_sd)
+        yield _unlike_body("inertia_of_point", body, float(farthest), float(sd))
+
+
+def _inertia_off(moments: LogMoments, body: Body) -> np.ndarray:
+    """Return logarithms of the inertia at each timing point over that of the body."""
+    return np.asarray(moments.means("inertia") - np.log(body.inertia.median))
+
+
+def _unlike_body(name: str, body: Body, off: float, sd: float) -> UnlikelyParameter:
+    value, expected, low, high = (
+        float(body.inertia.median * np.exp(x)) for x in (off, 0.0, -REACH_95 * sd, REACH_95 * sd)
+    )
+    return UnlikelyParameter(name, value, expected, low, high, abs(off) / sd)
 
 
 def held_torque(point: PointResponse, coupling: Coupling) -> set[Doubt]:

@@ -82,6 +82,11 @@ class LogMoments:
         at = self._place(name, point)
         return float(self.mean[at]), float(self.sd[at])
 
+    def means(self, name: str) -> np.ndarray:
+        """Return the means of an estimand at all points."""
+        n = self.mean.size // len(ESTIMANDS)
+        return self.mean[self._place(name, 0) :][:n]
+
     def _place(self, name: str, point: int) -> int:
         return ESTIMANDS.index(name) * (self.mean.size // len(ESTIMANDS)) + point
 

@@ -7,11 +7,10 @@ import pytest
 
 import jointz
 from jointz.analysis.paper.methods_text import methods_text
+from jointz.analysis.pulse_traces import PulseKey, ReestimationRequest, read_traces
 from jointz.core.protocols.pulse_models import DoubletPulse
 from jointz.explorer.plots import Overlaid, overlay_figure
-from jointz.explorer.reestimation import ReestimationRequest, read_traces
 from jointz.explorer.results_files import pulses_of
-from jointz.explorer.traces import PulseKey
 from jointz.io.study_reader import open_study
 from jointz.rig.session.simulate_study import simulate_study
 from jointz.rig.sim.direct_walk import WalkPlan

@@ -7,14 +7,18 @@ For the other methods, windows and baseline come from their own cutter, filtered
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.codes import LISTED
+from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
-from jointz.core.method_names import BAYESIAN, COUPLING_OF, FULL_RECORD, RIGID
-from jointz.core.study import UserExclusion
-from jointz.explorer.exclusions import is_about
+from jointz.core.method_names import BAYESIAN, COUPLING_OF, FULL_RECORD, RIGID, method_called
+from jointz.core.study import Study, UserExclusion
 from jointz.identify.estimators import METHODS, ParticipantData
 from jointz.identify.prediction.predicted_cells import recorded_pulse
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
@@ -22,6 +26,7 @@ from jointz.identify.preparation.conditioning import ANGLE, TORQUE
 from jointz.identify.preparation.raw_signals import common_rate_hz, raw_signals
 from jointz.identify.preparation.recording_groups import recording_groups
 from jointz.identify.preparation.sources import (
+    SAME_TIME_S,
     ParticipantSettings,
     RecordingInput,
     Source,
@@ -31,6 +36,7 @@ from jointz.identify.regression.cell_windows import WindowCutter
 from jointz.identify.walking.bayesian_method import BayesianMethod
 from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis
+from jointz.tasks.engine import on_one_thread
 
 #: Part of the recording that is shown around a pulse, s.
 _BEFORE_S, _AFTER_S = 0.15, 0.35
@@ -165,6 +171,12 @@ def _without_exclusions(
     return replace(settings, user_exclusions=kept)
 
 
+def is_about(line: UserExclusion, pulse: PulseRecord) -> bool:
+    """Return whether a line of ``exclusions.csv`` is about a pulse."""
+    same = (line.participant, line.recording) == (pulse.participant, pulse.recording)
+    return same and abs(line.onset_s - pulse.onset_s) < SAME_TIME_S
+
+
 _Windows = Iterator[tuple[PulseKey, str, Window]]
 
 
@@ -292,3 +304,115 @@ def _around(onset_s: float, pieces: Sequence[Source]) -> tuple[np.ndarray, np.nd
             )
             return time[part] - onset_s, angle, torque
     return np.empty(0), np.empty(0), np.empty(0)
+
+
+@dataclass(frozen=True, slots=True)
+class ReestimationRequest:
+    """Settings of a new estimation."""
+
+    method: str  # name of the method, of ``bayesian`` that of its coupling
+    resamples: int  # number of resamples of the bootstrap
+    seed: int
+    # file -> hash at the time of the analysis; other contents are refused
+    sha256: Mapping[str, str]
+    is_earlier_method: bool = False  # results are by the earlier ``rigid``, no coupling of today's
+
+    @classmethod
+    def of(cls, analysis: StudyAnalysis) -> "ReestimationRequest":
+        """Return the settings of an analysis."""
+        settings, provenance = analysis.settings, analysis.provenance
+        inputs = {str(entry["file"]): str(entry["sha256"]) for entry in provenance["inputs"]}
+        return cls(
+            requested_method(analysis),
+            settings["resamples"],
+            settings["seed"],
+            inputs,
+            is_earlier_method=settings["method"] == RIGID,
+        )
+
+
+def requested_method(analysis: StudyAnalysis) -> str:
+    """Return the name by which the method of an analysis is requested: it states the coupling."""
+    settings = analysis.settings
+    names = {coupling: name for name, coupling in COUPLING_OF.items()}
+    return names.get(settings.get("coupling", ""), str(settings["method"]))
+
+
+def read_traces(
+    study: Study, person_id: str, request: ReestimationRequest, analysis: StudyAnalysis
+) -> Mapping[PulseKey, PulseTrace]:
+    """Read a participant's recordings, and return every pulse as in the analysis."""
+    settings, recordings = read_inputs(study, person_id, request)
+    return on_one_thread(partial(pulse_traces, person_id, recordings, settings, analysis))
+
+
+def read_inputs(
+    study: Study, person_id: str, request: ReestimationRequest
+) -> tuple[ParticipantSettings, Sequence[RecordingInput]]:
+    """Return settings and recordings of a participant; refuse changed recordings."""
+    if method_called(request.method) not in METHODS:
+        raise DataError(
+            f"method: these results are by {request.method!r}, which this version of jointz does "
+            f"not have; it has {', '.join(METHODS)}. They can be read but not estimated again. "
+            "Analyse the study by another method: jointz analyze --method NAME."
+        )
+    inputs: dict[str, dict[str, Any]] = {}
+    recordings = read_participant(study, person_id, inputs)
+    changed = [name for name, f in inputs.items() if request.sha256.get(name) != f["sha256"]]
+    if changed:
+        raise DataError(
+            f"{', '.join(changed)}: expected the content that was analysed, found another. "
+            "Analyse the study again: jointz analyze."
+        )
+    settings = participant_settings(
+        study, person_id, request.method, resamples=request.resamples, seed=request.seed
+    )
+    return settings, recordings
+
+
+def response_datasets(analysis: StudyAnalysis, study: Study | None) -> Iterator[xr.Dataset]:
+    """Yield the responses of each timing point and shape of pulse; with a study single pulses."""
+    cells = [c for c in analysis.cells if c.responses]
+    traces: dict[PulseKey, PulseTrace] = {}
+    if study is not None:
+        request = ReestimationRequest.of(analysis)
+        for person in dict.fromkeys(c.participant for c in cells):
+            traces |= read_traces(study, person, request, analysis)
+    for cell in cells:
+        pulses = [
+            (key, trace.windows[cell.method])
+            for pulse in analysis.pulses
+            if (pulse.label, pulse.timing_point) == (cell.label, cell.timing_point)
+            and (trace := traces.get(key := PulseKey.of(pulse)))
+            and cell.method in trace.windows
+        ]
+        for shape in range(len(cell.responses)):
+            yield _dataset(cell, shape, [(k, w) for k, w in pulses if w.shape == shape])
+
+
+def _dataset(
+    cell: CellEstimate, shape: int, pulses: Sequence[tuple[PulseKey, Window]]
+) -> xr.Dataset:
+    response = cell.responses[shape]
+    identity = ("participant", "session", "side", "timing_point", "method")
+    made = xr.Dataset(
+        {"mean_angle": ("time", response.angle), "mean_torque": ("time", response.torque)},
+        coords={"time": ("time", response.time_s, {"units": "s"})},
+        attrs={name: getattr(cell, name) for name in identity}
+        | {"shape": shape, "n_pulses": response.n_pulses or cell.n_used},
+    )
+    if response.fitted_angle is None:
+        made["fitted_torque"] = "time", response.fitted_torque
+    else:
+        made["fitted_angle"] = "time", response.fitted_angle
+    if pulses:
+        made = made.assign_coords(
+            onset_s=("pulse", [key.onset_s for key, _ in pulses]),
+            recording=("pulse", [key.recording for key, _ in pulses]),
+        )
+    for name in ("angle", "torque") if pulses else ():
+        signals = [(w.time_s, getattr(w, f"response_{name}")) for _, w in pulses]
+        made[name] = ("pulse", "time"), [np.interp(response.time_s, *own) for own in signals]
+    for key, signal in made.data_vars.items():
+        signal.attrs["units"] = "rad" if "angle" in str(key) else "N*m"
+    return made

@@ -1,0 +1,94 @@
+"""Why values are undecided or failed in simulated studies: ``python -m benchmarks.undecided``.
+
+Simulated people (``realistic``) walk with pulses of each kind, measured by a goniometer or by three
+sensors; results of other studies (those of ``python -m benchmarks.attacks``) are counted, too, if
+their folders are given. Written are the reasons as the report words them, with the number of
+values of K, B and J and the remedy that the report names most often, to docs/tables/undecided.csv.
+"""
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pandas as pd
+from benchmarks.classical import KINDS, PARAMETERS, PULSES_A_POINT, SEED
+from benchmarks.realistic.rows import set_window
+
+import jointz
+from jointz.analysis.page.uncertainty_section import grouped, uncertainty_section
+from jointz.report.wording import status_meaning
+from jointz.results.study_analysis import StudyAnalysis
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
+
+TABLE = Path(__file__).parents[1] / "docs" / "tables" / "undecided.csv"
+SENSORS = {"goniometer": ("goniometer",), "three": ("goniometer", "encoder", "gyroscopes")}
+
+
+def reasons(analysis: StudyAnalysis) -> Iterator[tuple[str, str]]:
+    """Yield reason and remedy of each K, B and J without a value."""
+    section = uncertainty_section(analysis)
+    for row in section["undecided"] if section else ():
+        (kind,) = grouped([row])
+        yield kind["why"].partition("; ")[0], row["remedy"].partition(": ±")[0].partition("; ")[0]
+    for cell in analysis.cells:
+        for name in PARAMETERS:
+            estimate = cell.parameter(name)
+            if estimate is not None and estimate.status.startswith("failed:"):
+                yield status_meaning(estimate.status), ""
+
+
+def simulated(people: int, seed: int) -> Iterator[tuple[str, StudyAnalysis]]:
+    """Yield the analysis of each study of simulated people."""
+    for kind, (pulses, window_s) in KINDS.items():
+        for name, sensors in SENSORS.items():
+            with TemporaryDirectory() as folder:
+                study = simulate_study(
+                    Path(folder) / "study",
+                    preset="realistic",
+                    participants=people,
+                    plan=WalkPlan(per_point=PULSES_A_POINT, pulses=pulses),
+                    seed=seed,
+                    sensors=sensors,
+                )
+                set_window(study, window_s)
+                yield f"{kind}, {name}", jointz.analyze(study, progress=False)
+
+
+def table_of(found: dict[str, list[tuple[str, str]]]) -> pd.DataFrame:
+    """Return reasons by frequency, with the number of studies and the commonest remedy."""
+    rows = [(study, *row) for study, own in found.items() for row in own]
+    table = pd.DataFrame(rows, columns=["study", "reason", "remedy"])
+    groups = table.groupby("reason")
+    return (
+        pd.DataFrame({
+            "values": groups.size(),
+            "studies": groups["study"].nunique(),
+            "remedy": groups["remedy"].agg(lambda own: Counter(own).most_common(1)[0][0]),
+        })
+        .sort_values("values", ascending=False)
+        .reset_index()
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Write the table and print it."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.undecided", description=__doc__)
+    parser.add_argument("results", type=Path, nargs="*")
+    parser.add_argument("--people", type=int, default=8)
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--out", type=Path, default=TABLE)
+    asked = parser.parse_args()
+    found = {name: [*reasons(one)] for name, one in simulated(asked.people, asked.seed)}
+    found |= {folder.name: [*reasons(jointz.load(folder))] for folder in asked.results}
+    for name, own in found.items():
+        print(f"{name}: {len(own)} values without an estimate")
+    table = table_of(found)
+    table.to_csv(asked.out, index=False)
+    print(table.to_string())
+
+
+if __name__ == "__main__":
+    main()
