@@ -10,8 +10,7 @@ from jointz.analysis.classical import cells_of_both, classical_analysis, classic
 from jointz.analysis.page.next_measures import holds_one_torque, next_measures
 from jointz.analysis.page.published_values import published_clause
 from jointz.analysis.paper.citations import CITATIONS
-from jointz.analysis.paper.methods_text import SIMULATED
-from jointz.analysis.summary import chosen_method, name_range, stiffness_extremes
+from jointz.analysis.summary import SIMULATED, chosen_method, name_range, stiffness_extremes
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Exclusion
 from jointz.core.gait_phases import ALL_POINTS
