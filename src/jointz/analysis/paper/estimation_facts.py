@@ -9,12 +9,6 @@ from jointz.report.pulse_words import window_start
 from jointz.report.wording import format_exact, format_span
 from jointz.results.study_analysis import StudyAnalysis
 
-_DESCRIBED: Final = frozenset(
-    {
-        *("dissertation", "pre_pulse", "matched_strides", "pilot"),
-        *("least_squares", "instrumental_variable"),
-    }
-)
 #: Methods whose bootstrap deviations are widened to Student's t.
 _WIDENED: Final = ("least_squares", "instrumental_variable")
 _SAME_RATE: Final = 1e-3
@@ -29,7 +23,6 @@ def method_facts(analysis: StudyAnalysis) -> dict[str, Any]:
     baselines = (c.baseline for c in analysis.cells if c.method == name and c.baseline)
     return {
         "name": name,  # of the method of pulses
-        "described": name in _DESCRIBED,
         "bayesian": name in WITH_POSTERIOR,
         "posterior": not WITH_POSTERIOR.isdisjoint(used),
         "whole_trials": FULL_RECORD in used,
@@ -76,11 +69,8 @@ def _sampling_facts(analysis: StudyAnalysis) -> dict[str, Any]:
         if person in used
     ]
     blocks = [max(1, round(rate / rate_used)) for rate, rate_used in pairs]
-    averaged = [rate / block for (rate, _), block in zip(pairs, blocks, strict=True)]
+    ratios = [rate / block / own for (rate, own), block in zip(pairs, blocks, strict=True)]
     return {
         "blocks": format_span(blocks, str) if blocks else "",
-        "resampled": any(
-            abs(rate / rate_used - 1.0) >= _SAME_RATE
-            for rate, (_, rate_used) in zip(averaged, pairs, strict=True)
-        ),
+        "resampled": any(abs(ratio - 1.0) >= _SAME_RATE for ratio in ratios),
     }

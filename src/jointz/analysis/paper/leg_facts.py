@@ -16,13 +16,14 @@ from jointz.results.study_analysis import StudyAnalysis
 
 #: Lags that are estimated with sensors beside the goniometer.
 _LAGS_OF_SENSORS: Final = ("joint_encoder_lag", "joint_velocity_lag", "shank_velocity_lag")
+_ENCODER, *_GYROSCOPES = _LAGS_OF_SENSORS
 #: Begin of the names of priors -> lags of the sensors that they are for.
 _PRIORS_OF_LAG: Final = {
-    "goniometer_gain": frozenset(_LAGS_OF_SENSORS),
-    "encoder_": frozenset({"joint_encoder_lag"}),
-    "gyroscope_": frozenset({"joint_velocity_lag", "shank_velocity_lag"}),
-    "shank_": frozenset({"joint_velocity_lag", "shank_velocity_lag"}),
-    "thigh_": frozenset({"joint_velocity_lag"}),
+    "goniometer_gain": _LAGS_OF_SENSORS,
+    "encoder_": [_ENCODER],
+    "gyroscope_": _GYROSCOPES,
+    "shank_": _GYROSCOPES,
+    "thigh_": ["joint_velocity_lag"],
 }
 #: Unit at the end of the name of an entry.
 _UNIT: Final = re.compile(r"_(hz|s|rad|nm)$")
@@ -44,7 +45,7 @@ def leg_facts(analysis: StudyAnalysis) -> dict[str, Any]:
         "fitted_ms": f"{1e3 * data_length_s(window_s, coupling):g}",
         "moved_deg": f"{np.degrees(LARGEST_RAD):g}",
         "sensors": lags,
-        "gyroscopes": bool(set(lags) - {"joint_encoder_lag"}),
+        "gyroscopes": not set(lags).isdisjoint(_GYROSCOPES),
         "error_pct": f"{100 * error.share:g}",
         "error_deg": f"{np.degrees(error.floor_rad):.2g}",
         "twist_sd": coupling.twist_sd,
@@ -83,7 +84,7 @@ def _priors(
     """Yield the priors that were used; without a source if the coupling set them."""
     record = analysis.provenance.get("priors")
     spec = PriorsSpec.model_validate(record) if record else coupling.spec(PriorsSpec())
-    unused = tuple(begin for begin, of in _PRIORS_OF_LAG.items() if of.isdisjoint(lags))
+    unused = tuple(begin for begin, of in _PRIORS_OF_LAG.items() if set(of).isdisjoint(lags))
     for name, entry in PriorsSpec.model_fields.items():
         prior = getattr(spec, name)
         stated = prior != getattr(coupling.priors, name)

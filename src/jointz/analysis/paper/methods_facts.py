@@ -98,14 +98,11 @@ def _mean_and_sd(values: Sequence[float | None]) -> _Facts | None:
 
 def _stride_durations(analysis: StudyAnalysis) -> dict[str, _Facts | None]:
     """Return the duration of the accepted strides of each condition."""
-    accepted = [s for s in analysis.strides if not s.code]
-    present = {s.condition for s in accepted}
-    names = dict.fromkeys((*_CONDITIONS, *(s.condition for s in accepted)))
-    return {
-        name: _mean_and_sd([s.duration_s for s in accepted if s.condition == name])
-        for name in names
-        if name in present
-    }
+    durations: dict[str, list[float]] = {name: [] for name in _CONDITIONS}
+    for stride in analysis.strides:
+        if not stride.code:
+            durations.setdefault(stride.condition, []).append(stride.duration_s)
+    return {name: _mean_and_sd(values) for name, values in durations.items() if values}
 
 
 def _pulse_facts(analysis: StudyAnalysis) -> _Facts:
