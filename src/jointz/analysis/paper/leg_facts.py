@@ -1,7 +1,7 @@
 """Facts about the method ``bayesian``: model, errors, hypotheses and priors."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -14,16 +14,19 @@ from jointz.identify.walking.responses import LARGEST_RAD, data_length_s
 from jointz.report.wording import AT_ONSET, format_exact, onset_note, pretty_unit
 from jointz.results.study_analysis import StudyAnalysis
 
+_Facts = dict[str, Any]
+
 #: Lags that are estimated with sensors beside the goniometer.
-_LAGS_OF_SENSORS: Final = ("joint_encoder_lag", "joint_velocity_lag", "shank_velocity_lag")
-_ENCODER, *_GYROSCOPES = _LAGS_OF_SENSORS
+ENCODER_LAG: Final = "joint_encoder_lag"
+GYROSCOPE_LAGS: Final = ("joint_velocity_lag", "shank_velocity_lag")
+_LAGS_OF_SENSORS: Final = (ENCODER_LAG, *GYROSCOPE_LAGS)
 #: Begin of the names of priors -> lags of the sensors that they are for.
-_PRIORS_OF_LAG: Final = {
+_PRIORS_OF_LAG: Final[Mapping[str, Sequence[str]]] = {
     "goniometer_gain": _LAGS_OF_SENSORS,
-    "encoder_": [_ENCODER],
-    "gyroscope_": _GYROSCOPES,
-    "shank_": _GYROSCOPES,
-    "thigh_": ["joint_velocity_lag"],
+    "encoder_": (ENCODER_LAG,),
+    "gyroscope_": GYROSCOPE_LAGS,
+    "shank_": GYROSCOPE_LAGS,
+    "thigh_": ("joint_velocity_lag",),
 }
 #: Unit at the end of the name of an entry.
 _UNIT: Final = re.compile(r"_(hz|s|rad|nm)$")
@@ -34,7 +37,7 @@ _OF_STRAP: Final = (
 )
 
 
-def leg_facts(analysis: StudyAnalysis) -> dict[str, Any]:
+def leg_facts(analysis: StudyAnalysis) -> _Facts:
     """Return the facts about model, errors, estimated quantities and priors."""
     coupling, lags = used_coupling(analysis), lags_of_sensors(analysis)
     window_s = float(analysis.settings.get("window_s") or 0.1)
@@ -45,7 +48,7 @@ def leg_facts(analysis: StudyAnalysis) -> dict[str, Any]:
         "fitted_ms": f"{1e3 * data_length_s(window_s, coupling):g}",
         "moved_deg": f"{np.degrees(LARGEST_RAD):g}",
         "sensors": lags,
-        "gyroscopes": not set(lags).isdisjoint(_GYROSCOPES),
+        "gyroscopes": not set(lags).isdisjoint(GYROSCOPE_LAGS),
         "error_pct": f"{100 * error.share:g}",
         "error_deg": f"{np.degrees(error.floor_rad):.2g}",
         "twist_sd": coupling.twist_sd,
@@ -78,9 +81,7 @@ def _hypothesis_facts(coupling: Coupling) -> dict[str, str]:
     }
 
 
-def _priors(
-    analysis: StudyAnalysis, coupling: Coupling, lags: list[str]
-) -> Iterator[dict[str, Any]]:
+def _priors(analysis: StudyAnalysis, coupling: Coupling, lags: Sequence[str]) -> Iterator[_Facts]:
     """Yield the priors that were used; without a source if the coupling set them."""
     record = analysis.provenance.get("priors")
     spec = PriorsSpec.model_validate(record) if record else coupling.spec(PriorsSpec())
@@ -99,7 +100,7 @@ def _priors(
         }
 
 
-def _numbers(prior: AnyPrior | Spread) -> dict[str, Any]:
+def _numbers(prior: AnyPrior | Spread) -> _Facts:
     if isinstance(prior, LogPrior):
         return {"median": prior.median, "sd": prior.log_sd, "logit": False}
     if isinstance(prior, SharePrior):

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from jointz.analysis.paper.leg_facts import lags_of_sensors
+from jointz.analysis.paper.leg_facts import ENCODER_LAG, GYROSCOPE_LAGS, lags_of_sensors
 from jointz.core.channels import is_turned
 from jointz.core.study import Calibrated
 from jointz.report.subjects import calibrations, study_spec
@@ -35,12 +35,6 @@ _CALIBRATED: Final[Mapping[str, tuple[float, str]]] = {
     "shank_velocity_gain": (1.0, ""),
     "thigh_velocity_lag_s": (1e3, "ms"),
     "thigh_velocity_gain": (1.0, ""),
-}
-#: Begin of the names of entries of sensors -> lags that are estimated where they are used.
-_OF_SENSORS: Final[Mapping[str, tuple[str, ...]]] = {
-    "joint_encoder_": ("joint_encoder_lag",),
-    "shank_velocity_": ("joint_velocity_lag", "shank_velocity_lag"),
-    "thigh_velocity_": ("joint_velocity_lag", "shank_velocity_lag"),
 }
 
 
@@ -122,9 +116,10 @@ def _rate_hz(response: Response | None) -> float | None:
 def _affects_estimates(key: str, analysis: StudyAnalysis) -> bool:
     if key == "friction_gain":
         return "torque" not in study_spec(analysis).channels
-    for begin, lags in _OF_SENSORS.items():
-        if key.startswith(begin):
-            return not set(lags_of_sensors(analysis)).isdisjoint(lags)
+    if key.startswith("joint_encoder_"):
+        return ENCODER_LAG in lags_of_sensors(analysis)
+    if key.startswith(("shank_velocity_", "thigh_velocity_")):
+        return not set(GYROSCOPE_LAGS).isdisjoint(lags_of_sensors(analysis))
     return True
 
 
