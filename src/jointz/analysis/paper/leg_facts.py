@@ -11,7 +11,7 @@ from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, Shar
 from jointz.identify.walking.coupling import Coupling
 from jointz.identify.walking.leg_model import REFERENCE_S
 from jointz.identify.walking.responses import LARGEST_RAD, data_length_s
-from jointz.report.wording import AT_ONSET, format_exact, onset_note, pretty_unit
+from jointz.report.wording import AT_ONSET, onset_note, pretty_unit
 from jointz.results.study_analysis import StudyAnalysis
 
 _Facts = dict[str, Any]
@@ -68,16 +68,17 @@ def lags_of_sensors(analysis: StudyAnalysis) -> list[str]:
     return [lag for lag in _LAGS_OF_SENSORS if lag in known]
 
 
-def _hypothesis_facts(coupling: Coupling) -> dict[str, str]:
+def _hypothesis_facts(coupling: Coupling) -> _Facts:
     """Return how much follows the curve, how probable it is unless all are alike, and inertias."""
     chances = [h.prior_probability for h in coupling.hypotheses]
     curves = [h for h in coupling.hypotheses if h.follows_cycle]
     share = sum(h.prior_probability for h in curves) / sum(chances)
-    sds = sorted({h.inertia_sd for h in coupling.hypotheses if h.inertia_sd is not None})
     return {
         "curve_pct": f"{100 * curves[0].follows_cycle:.0f}",
         "curve_prior_pct": f"{100 * share:.0f}" if len(set(chances)) > 1 else "",
-        "inertia_sds": " or ".join(map(format_exact, sds)),
+        "inertia_sds": sorted(
+            {h.inertia_sd for h in coupling.hypotheses if h.inertia_sd is not None}
+        ),
     }
 
 
