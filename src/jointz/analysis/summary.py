@@ -17,6 +17,8 @@ from jointz.stats.people_likelihoods import PeopleResults
 _NUMBER: Final = re.compile(r"(?<![\w.])(\d+)(?![\w.])")
 _MOST_NAMES: Final = 3
 
+SIMULATED: Final = "All recordings are simulated: no person was measured."
+
 
 def name_range(names: Sequence[str]) -> str:
     """Name up to three participants, else the first and the last."""

@@ -2,31 +2,60 @@
 
 import re
 from collections.abc import Iterable
+from functools import cache
 from typing import Any, Final
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
 from jointz.core.channels import pretty_unit
-from jointz.report.wording import DASH, format_integer, format_signed
+from jointz.report.wording import (
+    DASH,
+    exclusion_meaning,
+    format_count,
+    format_exact,
+    format_integer,
+    format_signed,
+    joined,
+    method_name,
+    status_meaning,
+)
 
 _ID: Final = re.compile(r'\bid="([^"]+)"')
 _REFERENCE: Final = re.compile(r'(href="#|url\(#)([^")]+)')
 _SVG_SIZE: Final = re.compile(r'(<svg[^>]*?) width="[^"]*" height="[^"]*"')
 _SVG_STYLE: Final = re.compile(r'\s*<style type="text/css">.*?</style>', re.DOTALL)
 
+_FILTERS: Final = {
+    "count": format_count,
+    "exact": format_exact,
+    "exclusion_meaning": exclusion_meaning,
+    "integer": format_integer,
+    "joined": joined,
+    "method_name": method_name,
+    "signed": format_signed,
+    "status_meaning": status_meaning,
+    "unit": pretty_unit,
+}
+
 
 def render_template(template: str, **values: Any) -> str:
     """Fill in a template of the report; text of the user stays text."""
+    return _environment().get_template(template).render(dash=DASH, **values)
+
+
+@cache
+def _environment() -> Environment:
+    """Return the templates; those of a text escape nothing."""
     environment = Environment(
         loader=PackageLoader("jointz.report"),
-        autoescape=True,
+        autoescape=select_autoescape(disabled_extensions=["txt.j2"], default=True),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"integer": format_integer, "signed": format_signed, "unit": pretty_unit}
-    return environment.get_template(template).render(dash=DASH, **values)
+    environment.filters |= _FILTERS
+    return environment
 
 
 def inline_svg(svg: str, name: str, label: str) -> Markup:

@@ -20,8 +20,7 @@ from jointz.analysis.page.value_tables import (
     short_status,
 )
 from jointz.analysis.paper.citations import CITATIONS
-from jointz.analysis.paper.methods_text import SIMULATED
-from jointz.analysis.summary import chosen_method, name_range, stiffness_extremes
+from jointz.analysis.summary import SIMULATED, chosen_method, name_range, stiffness_extremes
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Exclusion
 from jointz.core.gait_phases import ALL_POINTS

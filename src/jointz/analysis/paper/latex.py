@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 #: A table of more rows breaks over pages.
@@ -70,68 +69,52 @@ def latex_table(
 ) -> str:
     r"""Return a table as LaTeX, with the rules of booktabs."""
     columns = "".join(r"p{0.42\linewidth}" if name in wide else "l" for name in head)
+    layout = rf"{{@{{}}{columns}@{{}}}}"
+    title = rf"\caption{{{to_latex(caption)}}}\label{{{label}}}"
+    top = [r"\toprule", *_head(head), r"\midrule"]
     body = [" & ".join(map(to_latex, row)) + r" \\" for row in rows]
     # LaTeX takes a bracket at the beginning of a row as the argument of the \\ before it.
     body = [rf"{{}}{line}" if line.startswith(("[", "*")) else line for line in body]
-    parts = _Parts(
-        layout=rf"{{@{{}}{columns}@{{}}}}",
-        title=rf"\caption{{{to_latex(caption)}}}\label{{{label}}}",
-        head=(r"\toprule", *_head(head), r"\midrule"),
-        body=tuple(body),
-        notes=tuple(map(to_latex, notes)),
-        width=len(head),
-    )
-    lines = _long(parts) if len(rows) > MOST_ROWS else _short(parts)
+    below = list(map(to_latex, notes))
+    if len(rows) > MOST_ROWS:
+        across = rf"\multicolumn{{{len(head)}}}{{p{{0.9\linewidth}}}}"
+        last = [rf"{across}{{{note}}} \\" for note in below]
+        lines = _long(layout, title, top, body, last)
+    else:
+        last = [rf"\par\smallskip\parbox{{0.9\linewidth}}{{{note}}}" for note in below]
+        lines = _short(layout, title, top, body, last)
     return "\n".join(lines) + "\n"
 
 
-@dataclass(frozen=True, slots=True)
-class _Parts:
-    """Parts of a table, escaped."""
-
-    layout: str  # column specification of the tabular
-    title: str  # caption and label
-    head: tuple[str, ...]
-    body: tuple[str, ...]
-    notes: tuple[str, ...]
-    width: int  # number of columns
+_Lines = Sequence[str]
 
 
-def _short(parts: _Parts) -> list[str]:
-    below = [rf"\par\smallskip\parbox{{0.9\linewidth}}{{{note}}}" for note in parts.notes]
+def _short(layout: str, title: str, top: _Lines, body: _Lines, notes: _Lines) -> list[str]:
     return [
         r"% Needs \usepackage{booktabs}; made by jointz. table* spans two columns, table one.",
         r"\begin{table*}[tbp]",
-        parts.title,
+        title,
         rf"\centering{_SMALL}",
-        rf"\begin{{tabular}}{parts.layout}",
-        *parts.head,
-        *parts.body,
-        r"\bottomrule",
+        rf"\begin{{tabular}}{layout}",
+        *(*top, *body, r"\bottomrule"),
         r"\end{tabular}",
-        *below,
+        *notes,
         r"\end{table*}",
     ]
 
 
-def _long(parts: _Parts) -> list[str]:
-    below = [
-        rf"\multicolumn{{{parts.width}}}{{p{{0.9\linewidth}}}}{{{note}}} \\" for note in parts.notes
-    ]
+def _long(layout: str, title: str, top: _Lines, body: _Lines, notes: _Lines) -> list[str]:
     return [
         r"% Needs \usepackage{booktabs,longtable}; made by jointz.",
         r"% A page of two columns takes it between \onecolumn and \twocolumn only.",
         rf"\begingroup{_SMALL}",
-        rf"\begin{{longtable}}{parts.layout}",
-        rf"{parts.title}\\",
-        *(*parts.head, r"\endfirsthead"),
-        *(*parts.head, r"\endhead"),
-        r"\bottomrule",
-        r"\endfoot",
-        r"\bottomrule",
-        *below,
-        r"\endlastfoot",
-        *parts.body,
+        rf"\begin{{longtable}}{layout}",
+        rf"{title}\\",
+        *(*top, r"\endfirsthead"),
+        *(*top, r"\endhead"),
+        *(r"\bottomrule", r"\endfoot"),
+        *(r"\bottomrule", *notes, r"\endlastfoot"),
+        *body,
         r"\end{longtable}",
         r"\endgroup",
     ]

@@ -1,6 +1,5 @@
 """Tables for a paper, with captions that give unit, interval, n and method."""
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from jointz.analysis.page.method_means import available, cells_by_method, method_mean
@@ -231,20 +230,13 @@ def _mean_text(mean: tuple[float, float, float], n: int) -> str:
 
 def _exclusions(analysis: StudyAnalysis) -> Table:
     words = subjects(analysis)
-    frame = analysis.excluded_frame()
-    counts = Counter(zip(frame["kind"], frame["code"], strict=True))
-    people = frame.groupby(["kind", "code"])["participant"].nunique()
-    totals = {"pulse": len(analysis.pulses), "stride": len(analysis.strides)}
+    groups = analysis.excluded_frame().groupby(["kind", "code"], as_index=False)
+    counts = groups.agg(n=("participant", "size"), people=("participant", "nunique"))
+    counts = counts.sort_values(["kind", "n", "code"], ascending=[True, False, True])
+    found = {"pulse": len(analysis.pulses), "stride": len(analysis.strides)}
     rows = tuple(
-        (
-            kind,
-            code,
-            exclusion_meaning(code),
-            format_integer(count),
-            format_integer(totals[kind]),
-            format_integer(int(people[kind, code])),
-        )
-        for (kind, code), count in sorted(counts.items(), key=lambda i: (i[0][0], -i[1], i[0][1]))
+        (kind, code, exclusion_meaning(code), *map(format_integer, (n, found[kind], people)))
+        for kind, code, n, people in counts.itertuples(index=False)
     )
     caption = (
         "Pulses and strides excluded from the analysis, by code: number left out, number found, "
