@@ -92,9 +92,8 @@ def _jointz(
     memory_limit: Annotated[
         str,
         typer.Option(
-            "--memory-limit",
             help="Most memory that one packed file may take, such as 8GB; a quarter of this "
-            "machine's by default. Also: JOINTZ_MEMORY_LIMIT.",
+            "machine's by default. Also: JOINTZ_MEMORY_LIMIT."
         ),
     ] = "",
     debug: Annotated[

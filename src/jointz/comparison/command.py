@@ -25,7 +25,7 @@ def compare(
         list[str],
         typer.Argument(
             help="Results folders of jointz analyze, or the word published for the dissertation's "
-            "tables; or one table of your own (csv), with --response, --within and --participant.",
+            "tables; or one table of your own (csv), with --response, --within and --participant."
         ),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder for tables, figures and a page.")] = None,

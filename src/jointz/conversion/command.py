@@ -26,9 +26,7 @@ def convert(
             metavar="OUT", help="File to write; its suffix gives the format. Or a folder."
         ),
     ],
-    to: Annotated[
-        To | None, typer.Option("--to", help="Write a Motion-BIDS folder of a study.")
-    ] = None,
+    to: Annotated[To | None, typer.Option(help="Write a Motion-BIDS folder of a study.")] = None,
     lossy: Annotated[
         bool, typer.Option("--lossy", help="Leave out what OUT cannot hold, and name it.")
     ] = False,

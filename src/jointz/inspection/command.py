@@ -18,12 +18,11 @@ if TYPE_CHECKING:
 
 def inspect(
     file: Annotated[
-        Path,
-        typer.Argument(help="Recording of any format that jointz reads, or a folder of them."),
+        Path, typer.Argument(help="Recording of any format that jointz reads, or a folder of them.")
     ],
     toml: Annotated[
         Path | None,
-        typer.Option("--toml", help="Write the proposed study to this file, or into this folder."),
+        typer.Option(help="Write the proposed study to this file, or into this folder."),
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a study file, or a figure, that exists.")
@@ -32,12 +31,10 @@ def inspect(
     encoding: Encoding = None,
     delimiter: Delimiter = None,
     decimal: Annotated[
-        Decimal | None,
-        typer.Option("--decimal", help="Decimal sign in numbers; detected by default."),
+        Decimal | None, typer.Option(help="Decimal sign in numbers; detected by default.")
     ] = None,
     skip_rows: Annotated[
-        int | None,
-        typer.Option("--skip-rows", min=0, help="Rows before the table; detected by default."),
+        int | None, typer.Option(min=0, help="Rows before the table; detected by default.")
     ] = None,
     no_header: Annotated[
         bool, typer.Option("--no-header", help="The columns of a text file have no names.")

@@ -26,29 +26,23 @@ def console(
         str | None,
         typer.Argument(help="A built-in protocol, or a protocol file; none to watch only."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", help="The study's folder.")] = Path("study"),
+    out: Annotated[Path, typer.Option(help="The study's folder.")] = Path("study"),
     device: DeviceOption = None,
     config: ConfigOption = None,
     preset: PresetOption = None,
     participants: Annotated[
         int | None,
-        typer.Option(
-            "--participants",
-            min=1,
-            help="Number of people; by default that of --config or the protocol.",
-        ),
+        typer.Option(min=1, help="Number of people; by default that of --config or the protocol."),
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Seed of plan and simulation.")
-    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of plan and simulation.")] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue a run, or find the running one.")
     ] = False,
     calibration: CalibrationOption = None,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any.")
+        int, typer.Option(min=0, max=65535, help="Port of the page; 0 for any.")
     ] = DEFAULT_PORT,
-    listen: Annotated[str, typer.Option("--listen", help="Address to listen on.")] = "127.0.0.1",
+    listen: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     printing: Printing = Printing(),
 ) -> None:
     """Run an experiment from a page: watch the device, start, pause and stop the session.
