@@ -251,18 +251,7 @@ class Plan(PlottedResult):
         return tuple(e for e in self.estimates if not e.decidable)
 
     def estimate(self, timing_point: str, parameter: str) -> PlannedEstimate:
-        """Return what is expected of a parameter at a timing point.
-
-        Parameters
-        ----------
-        timing_point, parameter : str
-            Names.
-
-        Raises
-        ------
-        KeyError
-            If the plan has no such timing point or parameter.
-        """
+        """Return what is expected of a parameter at a timing point; KeyError if there is none."""
         for estimate in self.estimates:
             if (estimate.timing_point, estimate.parameter) == (timing_point, parameter):
                 return estimate

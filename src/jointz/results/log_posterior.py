@@ -32,26 +32,14 @@ _LINEAR_BELOW = 0.1
 
 @dataclass(frozen=True, slots=True)
 class UnlikelyParameter:
-    """A parameter of instruments or leg that is far from what was known before the data.
+    """A parameter of instruments or leg that is far from what was known before the data."""
 
-    Parameters
-    ----------
-    name : str
-        As ``[priors]`` or ``[calibration]`` names it.
-    value : float
-        What the responses need, SI.
-    expected, low, high : float
-        Median and 95 % interval of prior or calibration, SI.
-    sds : float
-        How many standard deviations the value is off, on the scale of the prior.
-    """
-
-    name: str
-    value: float
-    expected: float
-    low: float
-    high: float
-    sds: float
+    name: str  # as ``[priors]`` or ``[calibration]`` names it
+    value: float  # what the responses need, SI
+    expected: float  # median of prior or calibration, SI
+    low: float  # lower end of its 95 % interval, SI
+    high: float  # upper end, SI
+    sds: float  # standard deviations that the value is off, on the scale of the prior
 
     def __str__(self) -> str:
         return (
@@ -152,13 +140,7 @@ class LogPosterior(PlottedResult):
         return np.asarray(np.sqrt(np.diag(self.prior_covariance)))
 
     def scale(self, name: str) -> ValueScale:
-        """Return the scale of a parameter.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``stiffness``.
-        """
+        """Return the scale of a parameter."""
         return ValueScale(dict(self.scale_units).get(name, 0.0))
 
     @property

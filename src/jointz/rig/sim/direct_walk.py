@@ -143,15 +143,8 @@ class WalkPlan:
         return variants[count % len(variants)]
 
     def torque_nm(self, count: int) -> float:
-        """Return the signed size of a pulse.
+        """Return the signed size of a pulse with ``count`` pulses before it at its timing point.
 
-        Parameters
-        ----------
-        count : int
-            Of pulses before it at its timing point.
-
-        Examples
-        --------
         >>> both = WALKING_PULSE.model_copy(update={"direction": "both"})
         >>> plan = WalkPlan(pulse=both, amplitudes_nm=(8.0, 17.0))
         >>> [plan.torque_nm(count) for count in range(4)]

@@ -93,11 +93,7 @@ class GyroscopeSettings:
 def checked_sensors(sensors: Iterable[str]) -> tuple[str, ...]:
     """Return names of sensors in the order of :data:`SENSORS`, each once.
 
-    Raises
-    ------
-    DataError
-        When a name is unknown, or the goniometer, by which pulses are timed and limited, is left
-        out.
+    Raises DataError if one is unknown, or without the goniometer: it times and limits pulses.
     """
     wanted = set(sensors)
     if not {SENSORS[0]} <= wanted <= set(SENSORS):
