@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
@@ -10,11 +10,7 @@ from numpy.typing import ArrayLike
 
 from jointz.core.errors import DataError
 from jointz.results.base import Array, PlottedResult, summary_text
-from jointz.results.figure_style import BLUE, FAINT, INK, MUTED
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, Axes, Figure
 
 #: Phases of a profile, % of the gait cycle: 0 follows the last one.
 GRID_PCT = np.arange(100.0)

@@ -8,6 +8,7 @@ import typer
 from jointz.identification.output import Answer, Clock, Output
 from jointz.terminal.file_options import Angle, Figure, File, Input, Torque, TorqueActsOn
 from jointz.terminal.options import Printing
+from jointz.terminal.printout import failures
 
 if TYPE_CHECKING:
     import numpy as np
@@ -136,7 +137,7 @@ def phase_curve(
 
     analysis = _load(results, quiet=printing.quiet)
     chosen = {"parameters": parameter} if parameter else {}
-    with output.failures():
+    with failures(printing, model="phase_curve"):
         curves = curves_of(analysis, participant, **chosen)
     draw = partial(curves.plot, parameter=curves.bands[0].parameter)
     output.report_curves(curves, draw, standing=True, status="ok", results=str(results))

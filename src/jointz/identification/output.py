@@ -1,19 +1,17 @@
 """Options that the commands of ``jointz identify`` share, the fit of a file, and its output."""
 
-from collections.abc import Callable, Container, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import typer
 
-from jointz.core.errors import EstimationError
 from jointz.core.whole_file import whole_file
 from jointz.terminal.file_options import Figure, Rate, TextOptions, Time
 from jointz.terminal.options import Printing
 from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json, emit_table
-from jointz.terminal.printout import UNWRITTEN, check_figure, check_table, save_canvas
+from jointz.terminal.printout import UNWRITTEN, check_figure, check_table, failures, save_canvas
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,7 +92,7 @@ class Output:
         from jointz.identification.identify_file import identify_file
 
         stated = {name: text for name, text in columns.items() if text is not None}
-        with self.failures():
+        with failures(self.answer.printing, model=self.model):
             layout = self.answer.text.layout()
             fit, parsed = identify_file(
                 method, file, stated, files=layout, rate_hz=clock.rate, **settings
@@ -105,19 +103,6 @@ class Output:
             for name, c in parsed.items()
         }
         return fit, {"file": str(file), "columns": echoed}
-
-    @contextmanager
-    def failures(self) -> Iterator[None]:
-        """Turn a fit without an answer into exit status 1, with its code."""
-        try:
-            yield
-        except EstimationError as exc:
-            if self.answer.printing.as_json:
-                content = {"model": self.model, "status": f"failed:{exc.code}"}
-                emit_json({**content, "message": str(exc)})
-            else:
-                typer.echo(f"jointz: {exc}", err=True)
-            raise typer.Exit(EXIT_NO_ESTIMATE) from exc
 
     def report(self, fit: Fit, origin: Mapping[str, Any], **more: Any) -> None:
         """Write the figure, print the result and leave with its exit status."""

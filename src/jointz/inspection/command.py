@@ -8,7 +8,7 @@ import typer
 from jointz.core.errors import OutputError
 from jointz.core.whole_file import whole_file
 from jointz.terminal.file_options import Decimal, Delimiter, Encoding, Figure
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import emit, emit_json
 from jointz.terminal.printout import check_figure, save_canvas
 
@@ -39,9 +39,7 @@ def inspect(
     no_header: Annotated[
         bool, typer.Option("--no-header", help="The columns of a text file have no names.")
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Show the content of a file or a folder and propose a study.toml for it.
 
@@ -50,7 +48,6 @@ def inspect(
 
     Example: jointz inspect my-study --toml my-study
     """
-    del debug
     check_figure(figure)
     target = None if toml is None else _target(toml)
     for output in filter(None, (target, figure)):
@@ -70,10 +67,10 @@ def inspect(
     if target is not None:
         with whole_file(target, "Name another place.") as partial:
             partial.write_text(inspection.toml, encoding="utf-8")
-    if as_json:
+    if printing.as_json:
         written_file = str(target) if target else None
         emit_json({"status": "ok", **inspection.to_dict(), "written": written_file})
-    elif not quiet:
+    elif not printing.quiet:
         _print(inspection, target)
 
 

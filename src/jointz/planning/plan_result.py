@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -10,10 +10,7 @@ import pandas as pd
 from jointz.report.wording import ABSOLUTE, SYMBOLS
 from jointz.results.base import PlottedResult, record_frame
 from jointz.results.estimates import WIDEST
-from jointz.results.figure_style import BLUE, INK, MUTED, VERMILION
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from jointz.results.figure_style import BLUE, INK, MUTED, VERMILION, Axes
 
 #: Wider intervals are undecided; wider ones still are not drawn in full.
 _DECIDED_PCT, _WIDEST_PCT = 100.0 * WIDEST, 150.0

@@ -1,18 +1,44 @@
-"""Figures and tables that commands write beside what they print."""
+"""Results and failures that commands print, and the figures and tables that they write."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from jointz.core.errors import EstimationError
 from jointz.core.whole_file import whole_file
+from jointz.terminal.options import Printing
+from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 #: What to do about a file that the system does not let be written.
 UNWRITTEN = "Make room or ask for permission, or name another file."
+
+
+def emit_result(printing: Printing, content: Mapping[str, Any], *lines: str) -> None:
+    """Print a result: as one JSON object, as lines of text, or not at all."""
+    if printing.as_json:
+        emit_json({"status": "ok", **content})
+    elif not printing.quiet:
+        for line in lines:
+            emit(line)
+
+
+@contextmanager
+def failures(printing: Printing, **about: Any) -> Iterator[None]:
+    """Turn a fit without an answer into exit status 1, with its code."""
+    try:
+        yield
+    except EstimationError as exc:
+        if printing.as_json:
+            emit_json({**about, "status": f"failed:{exc.code}", "message": str(exc)})
+        else:
+            typer.echo(f"jointz: {exc}", err=True)
+        raise typer.Exit(EXIT_NO_ESTIMATE) from exc
 
 
 def check_figure(figure: Path | None) -> None:

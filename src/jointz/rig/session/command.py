@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -22,29 +23,33 @@ if TYPE_CHECKING:
 Device = Literal["sim"]
 #: Quality of a simulated rig and its people.
 Preset = Literal["clean", "nominal", "hard", "anthropometric", "realistic"]
-
-
 #: Clocks.
 ClockName = Literal["fast", "real"]
 
 
-DeviceOption = Annotated[
-    Device | None, typer.Option(help="Simulated devices (sim); so without --config.")
-]
-ConfigOption = Annotated[
-    Path | None,
-    typer.Option(
-        help="Real devices, as this device.toml names them; on Linux only. No driver was ever "
-        "tried on hardware."
-    ),
-]
-PresetOption = Annotated[
-    Preset | None,
-    typer.Option(
-        help="How well simulated people and devices behave (default: realistic for people, "
-        "nominal for benches and calibrations). anthropometric, realistic: people only."
-    ),
-]
+@dataclass(frozen=True, slots=True)
+class RigOptions:
+    """Options about the devices, and about their simulation."""
+
+    device: Annotated[
+        Device | None, typer.Option(help="Simulated devices (sim); so without --config.")
+    ] = None
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            help="Real devices, as this device.toml names them; on Linux only. No driver was ever "
+            "tried on hardware."
+        ),
+    ] = None
+    preset: Annotated[
+        Preset | None,
+        typer.Option(
+            help="How well simulated people and devices behave (default: realistic for people, "
+            "nominal for benches and calibrations). anthropometric, realistic: people only."
+        ),
+    ] = None
+
+
 SensorsOption = Annotated[
     str | None,
     typer.Option(
@@ -76,9 +81,7 @@ class _Prompting:
 def run(
     protocol: Annotated[str, typer.Argument(help="A built-in protocol, or a protocol file.")],
     out: Annotated[Path, typer.Option(help="The study's folder.")],
-    device: DeviceOption = None,
-    config: ConfigOption = None,
-    preset: PresetOption = None,
+    rig: RigOptions = RigOptions(),
     sensors: SensorsOption = None,
     clock: Annotated[
         ClockName | None,
@@ -117,18 +120,16 @@ def run(
     """
     from jointz.rig.session.run import run as run_study
 
-    real = clock == "real" or config is not None
+    real = clock == "real" or rig.config is not None
     with (
         experiment_bars(shown=not (printing.quiet or printing.as_json)) as bars,
         _resume_advised(out),
     ):
         made = run_study(
             protocol,
-            device=device,
-            config=config,
+            **asdict(rig),
             out=out,
             seed=seed,
-            preset=preset,
             sensors=sensors.replace(" ", "").split(",") if sensors else None,
             clock=clock,
             participants=participants,
