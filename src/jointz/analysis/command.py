@@ -23,19 +23,18 @@ if TYPE_CHECKING:
 
 def analyze(
     study: Annotated[Path, typer.Argument(help="Folder with study.toml.")],
-    out: Annotated[Path, typer.Option("--out", help="Folder to write the results to.")],
+    out: Annotated[Path, typer.Option(help="Folder to write the results to.")],
     method: Annotated[
         str,
         typer.Option(
-            "--method",
             help="recommended (the right one for the study), bayesian, dissertation, pilot, "
-            "pre_pulse, matched_strides, least_squares, instrumental_variable or full_record.",
+            "pre_pulse, matched_strides, least_squares, instrumental_variable or full_record."
         ),
     ] = RECOMMENDED,
     resamples: Annotated[
-        int, typer.Option("--resamples", min=2, help="Bootstrap resamples for each cell.")
+        int, typer.Option(min=2, help="Bootstrap resamples for each cell.")
     ] = 1000,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")] = 0,
     certify: Annotated[
         bool,
         typer.Option(
@@ -61,11 +60,7 @@ def analyze(
     ] = False,
     workers: Annotated[
         int | None,
-        typer.Option(
-            "--workers",
-            min=1,
-            help="Participants analysed at once; by default the number of cores.",
-        ),
+        typer.Option(min=1, help="Participants analysed at once; by default the number of cores."),
     ] = None,
     scheduler: SchedulerOption = None,
     overwrite: Annotated[

@@ -79,27 +79,10 @@ class Analysis(StudyAnalysis):
     ) -> "Figure":
         """Draw a figure of the report, for a paper.
 
-        Parameters
-        ----------
-        name : str
-            ``impedance``, or another file of ``figures`` without its suffix.
-        parameters : sequence of str, optional
-            Of ``impedance``: the panels, such as ``("stiffness", "damping")``; by default K, B and
-            J, per kg of body mass where there are such values.
-        width_mm : float, mm
-            Of ``impedance``: width of the page or column.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            The figure: ``figure.savefig("impedance.pdf")``.
-
-        Raises
-        ------
-        ValueError
-            When there is no figure of this name, or it has no such options.
-        DataError
-            When the analysis has no data for it.
+        ``name`` is ``impedance``, or another file of ``figures`` without its suffix. For
+        ``impedance``, ``parameters`` are its panels, by default K, B and J, per kg of body mass
+        where there are such values. Raises ValueError for an unknown figure or option, DataError
+        if the analysis has no data for it.
         """
         from jointz.analysis.page.figure_files import draw_paper_figure
 

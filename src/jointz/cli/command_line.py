@@ -22,7 +22,7 @@ from jointz.core.stop_signals import is_stop_noted
 from jointz.io.formats.memory_limit import VARIABLE
 from jointz.io.formats.memory_limit import memory_limit as checked_memory_limit
 from jointz.terminal.exit_status import EXIT_STOPPED, note_command
-from jointz.terminal.options import Commands
+from jointz.terminal.options import Commands, Debug
 from jointz.terminal.output import EXIT_BAD_INPUT, EXIT_DEVICE, EXIT_NO_ESTIMATE, emit, emit_error
 
 _EXIT_BUG = 70
@@ -92,14 +92,11 @@ def _jointz(
     memory_limit: Annotated[
         str,
         typer.Option(
-            "--memory-limit",
             help="Most memory that one packed file may take, such as 8GB; a quarter of this "
-            "machine's by default. Also: JOINTZ_MEMORY_LIMIT.",
+            "machine's by default. Also: JOINTZ_MEMORY_LIMIT."
         ),
     ] = "",
-    debug: Annotated[
-        bool, typer.Option("--debug", help="Show the traceback of an error, for a bug report.")
-    ] = False,
+    debug: Debug = False,
 ) -> None:
     """Estimate stiffness (K), damping (B) and inertia (J) of a joint from recordings of pushes.
 

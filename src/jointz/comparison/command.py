@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from jointz.core.errors import EstimationError
 from jointz.terminal.options import Printing
 from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK, emit, emit_json, emit_table
+from jointz.terminal.printout import failures
 
 #: Choices of ``--df``.
 Df = Literal["kenward-roger", "satterthwaite"]
@@ -25,7 +25,7 @@ def compare(
         list[str],
         typer.Argument(
             help="Results folders of jointz analyze, or the word published for the dissertation's "
-            "tables; or one table of your own (csv), with --response, --within and --participant.",
+            "tables; or one table of your own (csv), with --response, --within and --participant."
         ),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder for tables, figures and a page.")] = None,
@@ -156,14 +156,8 @@ def _fit_table(
     refuse_several(factors, responses[0], participant)
     names: Mapping[str, Any] = {"within": factors[0], "participant": participant}
     table = read_responses(file, responses=responses, **names)
-    try:
+    with failures(printing):
         fits = [mixed_model(table, response=name, **names, **model) for name in responses]
-    except EstimationError as exc:
-        if printing.as_json:
-            emit_json({"status": f"failed:{exc.code}", "message": str(exc)})
-        else:
-            typer.echo(f"jointz: {exc}", err=True)
-        raise typer.Exit(EXIT_NO_ESTIMATE) from exc
     if printing.as_json:
         results = [{"status": "ok", "table": str(file)} | fit_dict(fit, **pairs) for fit in fits]
         several = {"status": "ok", "responses": dict(zip(responses, results, strict=True))}

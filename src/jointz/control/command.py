@@ -10,8 +10,7 @@ from jointz.control.rendering.command import check
 from jointz.core.errors import DataError
 from jointz.terminal.file_options import Figure
 from jointz.terminal.options import Commands, Printing
-from jointz.terminal.output import emit, emit_json
-from jointz.terminal.printout import check_figure, save_drawn
+from jointz.terminal.printout import check_figure, emit_result, save_drawn
 
 if TYPE_CHECKING:
     from jointz.control.impedance_profile import ImpedanceProfile
@@ -131,11 +130,7 @@ def export(
         fit = fit_state_machine(profile)
         errors = {"rms_nm": fit.rms_nm, "rms_deviated_nm": fit.rms_deviated_nm}
         lines = [fit_text(fit)[0], *lines]
-    if printing.as_json:
-        emit_json({"status": "ok", "written": str(out), **errors})
-    elif not printing.quiet:
-        for line in lines:
-            emit(line)
+    emit_result(printing, {"written": str(out), **errors}, *lines)
 
 
 control.command()(design)
@@ -153,10 +148,6 @@ def _report(
         from jointz.control.impedance_profile import draw_profile
 
         save_drawn(lambda canvas: draw_profile(canvas, profile), figure, _SIZE)
-    if printing.as_json:
-        files = {"written": str(written)} if written else {}
-        emit_json({"status": "ok", **profile.to_dict(), **files})
-    elif not printing.quiet:
-        emit(profile.summary())
-        if written:
-            emit(f"Written: {written}")
+    files = {"written": str(written)} if written else {}
+    lines = (f"Written: {file}" for file in files.values())
+    emit_result(printing, {**profile.to_dict(), **files}, profile.summary(), *lines)

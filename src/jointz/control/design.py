@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import pandas as pd
@@ -13,11 +13,7 @@ from jointz.control.passive_joint import ClutchFit, PassiveFit, fit_clutch, fit_
 from jointz.core.errors import DataError
 from jointz.results.base import Array, PlottedResult, record_frame, summary_text
 from jointz.results.estimates import ONE_SIDED_95, REACH_95
-from jointz.results.figure_style import BLUE, INK, MUTED, ORANGE, VERMILION
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from jointz.results.figure_style import BLUE, INK, MUTED, ORANGE, VERMILION, Axes, Figure
 
 DRAWS: Final = 200
 _SEED = 0

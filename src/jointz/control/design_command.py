@@ -9,8 +9,8 @@ from jointz.core.errors import DataError
 from jointz.core.whole_file import refuse_existing
 from jointz.terminal.file_options import Figure
 from jointz.terminal.options import Printing
-from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json
-from jointz.terminal.printout import check_figure, save_drawn
+from jointz.terminal.output import EXIT_NO_ESTIMATE
+from jointz.terminal.printout import check_figure, emit_result, save_drawn
 
 #: Inches: width, and height of a profile's row.
 _WIDTH, _ROW = 7.0, 2.8
@@ -49,10 +49,7 @@ def design(
     if figure is not None:
         size = (_WIDTH, _ROW * len(requirements.profiles))
         save_drawn(lambda canvas: draw_design(canvas, requirements), figure, size)
-    if printing.as_json:
-        emit_json({"status": "ok", **requirements.to_dict()})
-    elif not printing.quiet:
-        emit(requirements.summary())
+    emit_result(printing, requirements.to_dict(), requirements.summary())
     if requirements.ratio is None:
         raise typer.Exit(EXIT_NO_ESTIMATE)
 

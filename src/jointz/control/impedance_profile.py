@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
@@ -10,11 +10,7 @@ from numpy.typing import ArrayLike
 
 from jointz.core.errors import DataError
 from jointz.results.base import Array, PlottedResult, summary_text
-from jointz.results.figure_style import BLUE, FAINT, INK, MUTED
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, Axes, Figure
 
 #: Phases of a profile, % of the gait cycle: 0 follows the last one.
 GRID_PCT = np.arange(100.0)
@@ -165,31 +161,13 @@ class ImpedanceProfile(PlottedResult):
         return mean_velocity(self.angle, self.stride_s)
 
     def at(self, name: str, gait_pct: ArrayLike) -> np.ndarray:
-        """Return an array of the profile at phases, interpolated linearly over the cycle.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``stiffness``.
-        gait_pct : (m,) array_like, %
-            Phases of the gait cycle.
-        """
+        """Return an array, such as ``stiffness``, at phases (%), interpolated linearly."""
         values: np.ndarray = getattr(self, name)
         at = np.asarray(gait_pct, dtype=float)
         return np.asarray(np.interp(at, self.gait_pct, values, period=100.0))
 
     def torque(self, gait_pct: ArrayLike, angle: ArrayLike, velocity: ArrayLike) -> np.ndarray:
-        """Return the torque on the joint, N*m, positive in the positive direction.
-
-        Parameters
-        ----------
-        gait_pct : (m,) array_like, %
-            Phases of the gait cycle.
-        angle : (m,) array_like, rad
-            Angles of the joint.
-        velocity : (m,) array_like, rad/s
-            Its velocities.
-        """
+        """Return the torque on the joint, N*m, at phases (%), angles (rad) and velocities."""
         lever = self.at("equilibrium", gait_pct) - np.asarray(angle)
         torque = self.at("stiffness", gait_pct) * lever
         return np.asarray(torque - self.at("damping", gait_pct) * np.asarray(velocity))
@@ -197,15 +175,7 @@ class ImpedanceProfile(PlottedResult):
     def for_mass(self, mass_kg: float) -> "ImpedanceProfile":
         """Return the profile for another body mass: torques at the same angles go with it.
 
-        Parameters
-        ----------
-        mass_kg : float, kg
-            The other mass.
-
-        Raises
-        ------
-        DataError
-            If the profile belongs to one person, or the mass is not positive.
+        Raises DataError if the profile belongs to one person, or the mass is not positive.
         """
         if not self.scales_with_mass or not 0.0 < mass_kg < np.inf:
             raise DataError(f"profile of {self.subject}: no mass of {mass_kg:g} kg.")

@@ -7,7 +7,7 @@ import typer
 
 from jointz.terminal.file_options import TextOptions
 from jointz.terminal.options import Printing
-from jointz.terminal.output import emit, emit_json
+from jointz.terminal.printout import emit_result
 
 #: Choices of ``--to``.
 To = Literal["bids"]
@@ -26,9 +26,7 @@ def convert(
             metavar="OUT", help="File to write; its suffix gives the format. Or a folder."
         ),
     ],
-    to: Annotated[
-        To | None, typer.Option("--to", help="Write a Motion-BIDS folder of a study.")
-    ] = None,
+    to: Annotated[To | None, typer.Option(help="Write a Motion-BIDS folder of a study.")] = None,
     lossy: Annotated[
         bool, typer.Option("--lossy", help="Leave out what OUT cannot hold, and name it.")
     ] = False,
@@ -48,7 +46,4 @@ def convert(
 
     files = FilesSpec(**text.layout())
     conversion = convert_file(source, target, to=to, files=files, lossy=lossy, overwrite=overwrite)
-    if printing.as_json:
-        emit_json({"status": "ok", **conversion.to_dict()})
-    elif not printing.quiet:
-        emit(conversion.summary())
+    emit_result(printing, conversion.to_dict(), conversion.summary())

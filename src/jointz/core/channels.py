@@ -25,6 +25,17 @@ CHANNEL_UNITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 
+#: Columns of a table of the pulses that an experiment or a simulation of one made.
+PULSE_COLUMNS = (
+    "pulse",
+    "onset_s",
+    "duration_s",
+    "amplitude_nm",
+    "timing_point",
+    "shape",
+    "completed",
+)
+
 #: Column of a single record -> unit; an acceleration and those of a mean stride are no channels of
 #: a study.
 RECORD_UNITS: Mapping[str, str] = MappingProxyType(

@@ -50,13 +50,7 @@ class VirtualClock:
         return self._now_ns
 
     def wait_until_ns(self, deadline_ns: int) -> None:
-        """Move to the deadline; time never goes back.
-
-        Parameters
-        ----------
-        deadline_ns : int
-            When to return, ns.
-        """
+        """Move to the deadline; time never goes back."""
         if deadline_ns > self._now_ns:
             self._now_ns = deadline_ns
 

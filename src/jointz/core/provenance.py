@@ -12,16 +12,16 @@ _PACKAGES = ("numpy", "scipy", "pandas", "xarray", "numba", "h5netcdf", "matplot
 def software() -> dict[str, Any]:
     """Return the versions of jointz, Python and the packages a number depends on."""
     return {
-        "jointz": _version("jointz"),
+        "jointz": version_of("jointz"),
         "python": platform.python_version(),
-        "packages": {name: _version(name) for name in _PACKAGES},
+        "packages": {name: version_of(name) for name in _PACKAGES},
     }
 
 
 @cache  # reading what is installed takes as long as many a fit
 def own_version() -> str:
     """Return the version of jointz, cached for results made in large numbers."""
-    return _version("jointz")
+    return version_of("jointz")
 
 
 def now() -> str:
@@ -29,7 +29,8 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def _version(package: str) -> str:
+def version_of(package: str) -> str:
+    """Return the version of an installed package."""
     try:
         return version(package)
     except PackageNotFoundError:

@@ -253,13 +253,7 @@ class CalibrationSpec(_Model):
         return self.contact_release_v.value, self.contact_threshold_v.value
 
     def overridden_by(self, other: "CalibrationSpec | None") -> "CalibrationSpec":
-        """Return this calibration with the entries that ``other`` gives.
-
-        Parameters
-        ----------
-        other : CalibrationSpec or None
-            The calibration of a participant or a recording.
-        """
+        """Return this calibration with the entries that ``other`` gives."""
         if other is None:
             return self
         values = {name: getattr(other, name) for name in other.model_fields_set}

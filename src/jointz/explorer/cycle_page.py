@@ -20,7 +20,7 @@ from jointz.explorer.figures import (
     span,
 )
 from jointz.explorer.results_files import cell_of
-from jointz.explorer.tab import Tab, parameter_choice, table_columns
+from jointz.explorer.tab import Tab, table_columns
 from jointz.explorer.view import estimate_or_status
 from jointz.report.wording import DASH, method_name, parameter_name
 from jointz.results.estimates import CellEstimate, ParameterEstimate
@@ -181,9 +181,7 @@ class CycleTab(Tab):
 
         with ui.element("div").classes("card"):
             with ui.element("div").classes("head line wraps"):
-                self._title = ui.label()
-                ui.space()
-                self._parameter = parameter_choice(self._view, self.refresh)
+                self.make_head()
             with ui.element("div").classes("line wraps switches"):
                 self._shown = {
                     name: ui.checkbox(name, value=name != _METHODS, on_change=self.refresh)
@@ -241,9 +239,7 @@ class MethodsTab(Tab):
 
         with ui.element("div").classes("card"):
             with ui.element("div").classes("head line wraps"):
-                self._title = ui.label()
-                ui.space()
-                self._parameter = parameter_choice(self._view, self.refresh)
+                self.make_head()
                 self._more = ui.select([], label="Add a method", on_change=self._add)
                 self._more.props("dense outlined options-dense").classes("choice")
             self._plot = ui.plotly(methods_figure(self._view.parameter, [])).classes("plot half")

@@ -21,6 +21,14 @@ class Tab:
         """Update the elements."""
         raise NotImplementedError
 
+    def make_head(self) -> None:
+        """Make the title and the choice of a parameter."""
+        from nicegui import ui
+
+        self._title = ui.label()
+        ui.space()
+        self._parameter = parameter_choice(self._view, self.refresh)
+
 
 def parameter_choice(view: View, on_change: Callable[[], None]) -> Any:
     """Make the choice of a parameter, which all tabs share."""

@@ -11,19 +11,10 @@ from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.identification.bench_commands import dither, static
 from jointz.identification.cycle_commands import phase_curve, time_varying
+from jointz.identification.output import Answer, Clock, Output
 from jointz.identification.stride_command import stride
-from jointz.terminal.file_options import (
-    Figure,
-    File,
-    Input,
-    Rate,
-    TextOptions,
-    Time,
-    TorqueActsOn,
-    given_columns,
-)
-from jointz.terminal.options import Commands, Printing
-from jointz.terminal.printout import Output
+from jointz.terminal.file_options import Angle, File, Input, Torque, TorqueActsOn
+from jointz.terminal.options import Commands
 
 #: Choices of ``--model``.
 TorqueModel = Literal["current", "motor", "friction"]
@@ -47,8 +38,7 @@ def actuator(
             "speed, where --time or --rate is given."
         ),
     ] = None,
-    time: Time = None,
-    rate: Rate = None,
+    clock: Clock = Clock(),
     model: Annotated[
         TorqueModel,
         typer.Option(
@@ -66,39 +56,37 @@ def actuator(
         str | None,
         typer.Option(help="VALUE[:unit] s (rad/s): tanh(velocity/s) in place of the sign."),
     ] = None,
-    figure: Figure = None,
-    text: TextOptions = TextOptions(),
-    printing: Printing = Printing(),
+    answer: Answer = Answer(),
 ) -> None:
     """Fit a torque model to a bench record with a torque sensor.
 
     Example: jointz identify actuator bench.csv --current i --velocity w --torque tau --gear-ratio 9
     """
-    from jointz.identification.identify_file import identify_file
     from jointz.identify.actuators.actuator import identify_actuator
     from jointz.io.text.column_arguments import parse_quantity
 
-    output = Output(model, figure, printing, (7.1, 4.6))
-    columns = given_columns(
-        current=current, velocity=velocity, torque=torque, acceleration=acceleration, time=time
-    )
+    output = Output(model, answer, (7.1, 4.6))
     inertia = None if rotor_inertia is None else parse_quantity(rotor_inertia, "rotor-inertia")
     smooth = None if smooth_velocity is None else parse_quantity(smooth_velocity, "smooth-velocity")
-    with output.failures():
-        fit, parsed = identify_file(
-            identify_actuator,
-            file,
-            columns,
-            files=text.layout(),
-            rate_hz=rate,
-            needs_clock=False,
-            gear_ratio=gear_ratio,
-            model=model,
-            torque_sign=float(torque_sign),
-            rotor_inertia=inertia,
-            smooth_velocity_rad_s=smooth,
-        )
-    output.report(fit, parsed, file=file)
+    fit, origin = output.identify(
+        identify_actuator,
+        file,
+        {
+            "current": current,
+            "velocity": velocity,
+            "torque": torque,
+            "acceleration": acceleration,
+            "time": clock.time,
+        },
+        clock=clock,
+        needs_clock=False,
+        gear_ratio=gear_ratio,
+        model=model,
+        torque_sign=float(torque_sign),
+        rotor_inertia=inertia,
+        smooth_velocity_rad_s=smooth,
+    )
+    output.report(fit, origin)
 
 
 #: Choices of ``--method``.
@@ -109,8 +97,7 @@ def bandwidth(
     file: File,
     command: Annotated[str, typer.Option(help="COL[:unit] of the commanded torque (N*m).")],
     torque: Annotated[str, typer.Option(help="COL[:unit] of the measured torque (N*m).")],
-    time: Time = None,
-    rate: Rate = None,
+    clock: Clock = Clock(),
     method: Annotated[Method, typer.Option(help="How the spectra are estimated.")] = "welch",
     window_s: Annotated[
         float | None,
@@ -119,40 +106,33 @@ def bandwidth(
         ),
     ] = None,
     drop_db: Annotated[float, typer.Option(help="Loss of gain that ends the bandwidth, dB.")] = 3.0,
-    figure: Figure = None,
-    text: TextOptions = TextOptions(),
-    printing: Printing = Printing(),
+    answer: Answer = Answer(),
 ) -> None:
     """Find the frequency at which a torque loop has lost 3 dB.
 
     Example: jointz identify bandwidth bench.csv --command cmd:Nm --torque tau:Nm --rate 1000
     """
-    from jointz.identification.identify_file import identify_file
     from jointz.identify.actuators.bandwidth import identify_bandwidth
 
     if not 0.0 < drop_db < float("inf"):
         raise typer.BadParameter(f"--drop-db {drop_db:g}: expected > 0 dB.")
-    output = Output("bandwidth", figure, printing, (7.1, 4.0))
-    files = text.layout()
-    with output.failures(), _reference_advised(file, command, files):
-        fit, columns = identify_file(
-            identify_bandwidth,
-            file,
-            given_columns(command=command, torque=torque, time=time),
-            files=files,
-            rate_hz=rate,
-            method=method,
-            window_s=window_s,
-            drop_db=drop_db,
-        )
+    output = Output("bandwidth", answer, (7.1, 4.0))
+    fit, origin = output.identify(
+        _reference_advised(file, command, answer.text.layout())(identify_bandwidth),
+        file,
+        {"command": command, "torque": torque, "time": clock.time},
+        clock=clock,
+        method=method,
+        window_s=window_s,
+        drop_db=drop_db,
+    )
     estimate = {
         "value": fit.bandwidth_hz,
         "unit": "Hz",
         "ci": [fit.ci_low_hz, fit.ci_high_hz],
         "status": fit.status,
     }
-    content = {"model": "bandwidth", "status": fit.status, "parameters": {"bandwidth_hz": estimate}}
-    output.report(fit, columns, file=file, more=content)
+    output.report(fit, origin, parameters={"bandwidth_hz": estimate})
 
 
 @contextmanager
@@ -201,13 +181,12 @@ def _identify() -> None:
 @identify.command()
 def joint(
     file: File,
-    angle: Annotated[str, typer.Option(help="COL[:unit] of the angle (rad).")],
-    torque: Annotated[str, typer.Option(help="COL[:unit] of the torque (N*m).")],
+    angle: Angle,
+    torque: Torque,
     command: Annotated[
         str | None, typer.Option(help="COL[:unit] of the commanded torque (N*m).")
     ] = None,
-    time: Time = None,
-    rate: Rate = None,
+    clock: Clock = Clock(),
     perturbed: Input = "torque",
     torque_acts_on: TorqueActsOn = "joint",
     model: Annotated[
@@ -232,9 +211,7 @@ def joint(
             "the band, by default where the coherence is lost."
         ),
     ] = None,
-    figure: Figure = None,
-    text: TextOptions = TextOptions(),
-    printing: Printing = Printing(),
+    answer: Answer = Answer(),
 ) -> None:
     """Fit torque = K*angle + B*velocity + J*acceleration to one recording.
 
@@ -244,24 +221,21 @@ def joint(
     Example: jointz identify joint knee.csv --angle knee:deg --torque tau:Nm --time t
     """
     from jointz.identification.doubtful_values import with_doubtful_values
-    from jointz.identification.identify_file import identify_file
     from jointz.identify.record.joint import identify_joint
 
-    output = Output(model, figure, printing, _SIZES[model])
-    with output.failures():
-        fit, columns = identify_file(
-            identify_joint,
-            file,
-            given_columns(angle=angle, torque=torque, time=time, command=command),
-            files=text.layout(),
-            rate_hz=rate,
-            input=perturbed,
-            model=model,
-            estimator=estimator,
-            cutoff_hz=cutoff_hz,
-            torque_acts_on=torque_acts_on,
-        )
-    output.report(with_doubtful_values(fit), columns, file=file)
+    output = Output(model, answer, _SIZES[model])
+    fit, origin = output.identify(
+        identify_joint,
+        file,
+        {"angle": angle, "torque": torque, "time": clock.time, "command": command},
+        clock=clock,
+        input=perturbed,
+        model=model,
+        estimator=estimator,
+        cutoff_hz=cutoff_hz,
+        torque_acts_on=torque_acts_on,
+    )
+    output.report(with_doubtful_values(fit), origin)
 
 
 for _command in (actuator, bandwidth, static, dither, time_varying, phase_curve, stride):

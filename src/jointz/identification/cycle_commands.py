@@ -5,18 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jointz.terminal.file_options import (
-    Figure,
-    File,
-    Input,
-    Rate,
-    TextOptions,
-    Time,
-    TorqueActsOn,
-    given_columns,
-)
+from jointz.identification.output import Answer, Clock, Output
+from jointz.terminal.file_options import Angle, Figure, File, Input, Torque, TorqueActsOn
 from jointz.terminal.options import Printing
-from jointz.terminal.printout import Output, check_table, file_origin
+from jointz.terminal.printout import failures
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,15 +19,14 @@ if TYPE_CHECKING:
 _SIZE = (7.0, 4.0)
 
 Out = Annotated[
-    Path | None,
-    typer.Option("--out", help="Write the curves: a csv file, one row a parameter and phase."),
+    Path | None, typer.Option(help="Write the curves: a csv file, one row a parameter and phase.")
 ]
 
 
 def time_varying(
     file: File,
-    angle: Annotated[str, typer.Option(help="COL[:unit] of the angle (rad).")],
-    torque: Annotated[str, typer.Option(help="COL[:unit] of the torque (N*m).")],
+    angle: Angle,
+    torque: Torque,
     command: Annotated[
         str | None, typer.Option(help="COL[:unit] of the commanded random torque (N*m).")
     ] = None,
@@ -56,8 +47,7 @@ def time_varying(
             "of --time; with --rate from 0.",
         ),
     ] = None,
-    time: Time = None,
-    rate: Rate = None,
+    clock: Clock = Clock(),
     perturbed: Input = "torque",
     torque_acts_on: TorqueActsOn = "joint",
     segment_s: Annotated[
@@ -75,9 +65,7 @@ def time_varying(
     resamples: Annotated[int, typer.Option(help="Bootstrap resamples of the strides.")] = 1000,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the resampling.")] = 0,
     out: Out = None,
-    figure: Figure = None,
-    text: TextOptions = TextOptions(),
-    printing: Printing = Printing(),
+    answer: Answer = Answer(),
 ) -> None:
     """Fit K, B and J at phases of the gait cycle to walking with a random torque.
 
@@ -87,43 +75,33 @@ def time_varying(
     """
     if sum(source is not None for source in (contact, force, heel_strikes)) != 1:
         raise typer.BadParameter("Give --contact, --force or --heel-strikes, one of them.")
-    check_table(out)
-    output = Output("time_varying", figure, printing, _SIZE)
-    from jointz.identification.identify_file import identify_file
+    output = Output("time_varying", answer, _SIZE, out)
     from jointz.identify.over_cycle.time_varying import identify_time_varying
 
-    strikes_s = None if heel_strikes is None else _times(heel_strikes)
-    with output.failures():
-        fit, columns = identify_file(
-            identify_time_varying,
-            file,
-            given_columns(
-                angle=angle,
-                torque=torque,
-                time=time,
-                command=command,
-                contact=contact,
-                ground_reaction_force=force,
-            ),
-            files=text.layout(),
-            rate_hz=rate,
-            heel_strikes=strikes_s,
-            input=perturbed,
-            torque_acts_on=torque_acts_on,
-            segment_s=segment_s,
-            n_phases=n_phases,
-            cutoff_hz=cutoff_hz,
-            length_s=length_s,
-            resamples=resamples,
-            seed=seed,
-        )
-    output.report_curves(
-        fit,
-        fit.plot,
-        out=out,
-        more={"model": "time_varying", **file_origin(file, columns)},
-        standing=any(curve.n_decided for curve in fit.parameters),
+    fit, origin = output.identify(
+        identify_time_varying,
+        file,
+        {
+            "angle": angle,
+            "torque": torque,
+            "time": clock.time,
+            "command": command,
+            "contact": contact,
+            "ground_reaction_force": force,
+        },
+        clock=clock,
+        heel_strikes=None if heel_strikes is None else _times(heel_strikes),
+        input=perturbed,
+        torque_acts_on=torque_acts_on,
+        segment_s=segment_s,
+        n_phases=n_phases,
+        cutoff_hz=cutoff_hz,
+        length_s=length_s,
+        resamples=resamples,
+        seed=seed,
     )
+    standing = any(curve.n_decided for curve in fit.parameters)
+    output.report_curves(fit, fit.plot, standing=standing, **origin)
 
 
 def phase_curve(
@@ -152,23 +130,17 @@ def phase_curve(
 
     Example: jointz identify phase-curve results --out curves.csv --figure stiffness.svg
     """
-    check_table(out)
-    output = Output("phase_curve", figure, printing, _SIZE)
+    output = Output("phase_curve", Answer(figure, printing=printing), _SIZE, out)
     from functools import partial
 
     from jointz.identify.over_cycle.phase_curve import phase_curve as curves_of
 
     analysis = _load(results, quiet=printing.quiet)
     chosen = {"parameters": parameter} if parameter else {}
-    with output.failures():
+    with failures(printing, model="phase_curve"):
         curves = curves_of(analysis, participant, **chosen)
-    output.report_curves(
-        curves,
-        partial(curves.plot, parameter=curves.bands[0].parameter),
-        out=out,
-        more={"model": "phase_curve", "status": "ok", "results": str(results)},
-        standing=True,
-    )
+    draw = partial(curves.plot, parameter=curves.bands[0].parameter)
+    output.report_curves(curves, draw, standing=True, status="ok", results=str(results))
 
 
 def _load(results: Path, *, quiet: bool) -> "Analysis":

@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jointz.terminal.file_options import Figure, TextOptions, given_columns
-from jointz.terminal.options import Printing
-from jointz.terminal.printout import Output, check_table, file_origin
+from jointz.identification.output import Answer, Output
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,9 +43,7 @@ def stride(
     out: Annotated[
         Path | None, typer.Option(help="Write a csv file, one row a timing point and measure.")
     ] = None,
-    figure: Figure = None,
-    text: TextOptions = TextOptions(),
-    printing: Printing = Printing(),
+    answer: Answer = Answer(),
 ) -> None:
     """Fit the quasi-stiffness of a mean stride: slope of torque over angle at six timing points.
 
@@ -57,30 +53,22 @@ def stride(
     """
     if (torque is None) == (torque_per_mass is None):
         raise typer.BadParameter("Give --torque or --torque-per-mass, one of them.")
-    check_table(out)
-    output = Output("quasi_stiffness", figure, printing, (6.0, 4.5))
-    from jointz.identification.identify_file import identify_file
-
-    with output.failures():
-        fit, columns = identify_file(
-            _quasi_stiffness,
-            file,
-            given_columns(
-                angle=angle, torque=torque, torque_per_mass=torque_per_mass, gait_pct=gait_pct
-            ),
-            files=text.layout(),
-            needs_clock=False,
-            window_pct=window_pct,
-        )
+    output = Output("quasi_stiffness", answer, (6.0, 4.5), out)
+    fit, origin = output.identify(
+        _quasi_stiffness,
+        file,
+        {
+            "angle": angle,
+            "torque": torque,
+            "torque_per_mass": torque_per_mass,
+            "gait_pct": gait_pct,
+        },
+        needs_clock=False,
+        window_pct=window_pct,
+    )
     standing = any(estimate.status == "ok" for estimate in fit.estimates)
     status = "ok" if standing else "undecided"
-    output.report_curves(
-        fit,
-        fit.plot,
-        out=out,
-        more={"model": "quasi_stiffness", "status": status, **file_origin(file, columns)},
-        standing=standing,
-    )
+    output.report_curves(fit, fit.plot, standing=standing, status=status, **origin)
 
 
 def _quasi_stiffness(

@@ -8,7 +8,7 @@ import typer
 from jointz.core.errors import OutputError
 from jointz.core.whole_file import whole_file
 from jointz.terminal.file_options import Decimal, Delimiter, Encoding, Figure
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import emit, emit_json
 from jointz.terminal.printout import check_figure, save_canvas
 
@@ -18,12 +18,11 @@ if TYPE_CHECKING:
 
 def inspect(
     file: Annotated[
-        Path,
-        typer.Argument(help="Recording of any format that jointz reads, or a folder of them."),
+        Path, typer.Argument(help="Recording of any format that jointz reads, or a folder of them.")
     ],
     toml: Annotated[
         Path | None,
-        typer.Option("--toml", help="Write the proposed study to this file, or into this folder."),
+        typer.Option(help="Write the proposed study to this file, or into this folder."),
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a study file, or a figure, that exists.")
@@ -32,19 +31,15 @@ def inspect(
     encoding: Encoding = None,
     delimiter: Delimiter = None,
     decimal: Annotated[
-        Decimal | None,
-        typer.Option("--decimal", help="Decimal sign in numbers; detected by default."),
+        Decimal | None, typer.Option(help="Decimal sign in numbers; detected by default.")
     ] = None,
     skip_rows: Annotated[
-        int | None,
-        typer.Option("--skip-rows", min=0, help="Rows before the table; detected by default."),
+        int | None, typer.Option(min=0, help="Rows before the table; detected by default.")
     ] = None,
     no_header: Annotated[
         bool, typer.Option("--no-header", help="The columns of a text file have no names.")
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Show the content of a file or a folder and propose a study.toml for it.
 
@@ -53,7 +48,6 @@ def inspect(
 
     Example: jointz inspect my-study --toml my-study
     """
-    del debug
     check_figure(figure)
     target = None if toml is None else _target(toml)
     for output in filter(None, (target, figure)):
@@ -73,10 +67,10 @@ def inspect(
     if target is not None:
         with whole_file(target, "Name another place.") as partial:
             partial.write_text(inspection.toml, encoding="utf-8")
-    if as_json:
+    if printing.as_json:
         written_file = str(target) if target else None
         emit_json({"status": "ok", **inspection.to_dict(), "written": written_file})
-    elif not quiet:
+    elif not printing.quiet:
         _print(inspection, target)
 
 

@@ -2,17 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.results.base import Result
-from jointz.results.figure_style import axes_or_new, in_figure_style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from jointz.results.figure_style import Axes, axes_or_new, in_figure_style
 
 _BLOCKS = "▁▂▃▄▅▆▇█"
 _NOTHING = "·"

@@ -56,12 +56,7 @@ def take_place(finished: Path, out: Path, before: FolderState) -> None:
     """Rename a finished folder to ``out``; replace only what was there before.
 
     If ``out`` is something else by now, it is kept, and the finished folder is renamed to the
-    first free name beside it, such as ``results-2``.
-
-    Raises
-    ------
-    OutputError
-        If something else is at ``out``; the message names where the finished folder is.
+    first free name beside it, such as ``results-2``, which OutputError names.
     """
     if before.identity is None:
         _rename_to_free(finished, out)

@@ -43,16 +43,7 @@ _RATE_TOLERANCE = 0.05
 
 @dataclass(frozen=True, slots=True, repr=False)
 class StudyRecording:
-    """One recording of a study.
-
-    Parameters
-    ----------
-    study : Study
-        The opened study.
-    spec : RecordingSpec
-        What ``study.toml`` says about the recording: ``participant``, ``condition``, ``session``,
-        ``side``, ``file``.
-    """
+    """One recording of an opened study; ``spec`` is its entry in ``study.toml``."""
 
     study: Study
     spec: RecordingSpec

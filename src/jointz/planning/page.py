@@ -5,7 +5,7 @@ import os
 from collections.abc import Mapping
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,10 +17,7 @@ from jointz.report.html_page import page_figures, render_template
 from jointz.report.style import new_figure, to_svg
 from jointz.report.wording import DASH, MINUS, joined, point_name
 from jointz.results.estimates import WIDEST
-from jointz.results.figure_style import BLUE, VERMILION, figure_style
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from jointz.results.figure_style import BLUE, VERMILION, Figure, figure_style
 
 PAGE: Final = "plan.html"
 PROTOCOL: Final = "protocol.toml"

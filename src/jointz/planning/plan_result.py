@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -10,10 +10,7 @@ import pandas as pd
 from jointz.report.wording import ABSOLUTE, SYMBOLS
 from jointz.results.base import PlottedResult, record_frame
 from jointz.results.estimates import WIDEST
-from jointz.results.figure_style import BLUE, INK, MUTED, VERMILION
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from jointz.results.figure_style import BLUE, INK, MUTED, VERMILION, Axes
 
 #: Wider intervals are undecided; wider ones still are not drawn in full.
 _DECIDED_PCT, _WIDEST_PCT = 100.0 * WIDEST, 150.0
@@ -251,18 +248,7 @@ class Plan(PlottedResult):
         return tuple(e for e in self.estimates if not e.decidable)
 
     def estimate(self, timing_point: str, parameter: str) -> PlannedEstimate:
-        """Return what is expected of a parameter at a timing point.
-
-        Parameters
-        ----------
-        timing_point, parameter : str
-            Names.
-
-        Raises
-        ------
-        KeyError
-            If the plan has no such timing point or parameter.
-        """
+        """Return what is expected of a parameter at a timing point; KeyError if there is none."""
         for estimate in self.estimates:
             if (estimate.timing_point, estimate.parameter) == (timing_point, parameter):
                 return estimate

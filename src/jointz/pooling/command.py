@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from jointz.terminal.options import Printing
-from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK, emit, emit_json
+from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK
+from jointz.terminal.printout import emit_result
 
 
 def pool(
@@ -36,10 +37,7 @@ def pool(
     from jointz.pooling.pool import PAGE, pool
 
     pooled = pool(results, conditions=conditions, out=out, overwrite=overwrite)
-    if printing.as_json:
-        status = "ok" if pooled.available else "nothing_stands"
-        emit_json({"status": status, "page": str(out / PAGE)} | pooled.to_dict())
-    elif not printing.quiet:
-        emit(pooled.summary())
-        emit(f"Page: {out / PAGE}")
+    status, page = "ok" if pooled.available else "nothing_stands", out / PAGE
+    content = {"status": status, "page": str(page)} | pooled.to_dict()
+    emit_result(printing, content, pooled.summary(), f"Page: {page}")
     raise typer.Exit(EXIT_OK if pooled.available else EXIT_NO_ESTIMATE)

@@ -1,7 +1,7 @@
 """Page of pooled results: one HTML file that needs no other."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -26,11 +26,16 @@ from jointz.report.wording import (
     parameter_name,
     point_name,
 )
-from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, WIDTH_MM, figure_style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from jointz.results.figure_style import (
+    BLUE,
+    FAINT,
+    INK,
+    MUTED,
+    WIDTH_MM,
+    Axes,
+    Figure,
+    figure_style,
+)
 
 _HASH_DIGITS = 12
 _REASONS = {code.value: code.meaning for code in NotPooled}

@@ -116,18 +116,7 @@ class PooledStudies(Result):
 
     @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw a forest plot of the mean with most studies.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Axes to draw on; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw a forest plot of the mean with most studies."""
         pooled = self.table[self.table["status"] == "ok"]
         if pooled.empty:
             axes = draw_forest([], dict.fromkeys(COLUMNS["table"], float("nan")), ax)

@@ -94,18 +94,7 @@ class PlottedResult(Result):
 
     @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the result.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw the result on the axes, or a new figure, and return the axes."""
         axes = axes_or_new(ax, self.FIGURE_SIZE)
         self._draw(axes)
         return axes

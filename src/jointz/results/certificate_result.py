@@ -211,20 +211,7 @@ class Certificate(PlottedResult):
         return differences
 
     def error(self, parameter: str, timing_point: str = ALL_POINTS) -> ExpectedError:
-        """Return the error to expect of a parameter.
-
-        Parameters
-        ----------
-        parameter : str
-            ``stiffness``, ``damping`` or ``inertia``.
-        timing_point : str
-            A timing point, or ``all``.
-
-        Raises
-        ------
-        KeyError
-            When no simulated person was perturbed there.
-        """
+        """Return the error to expect of a parameter; KeyError if nobody was perturbed there."""
         for row in self.errors:
             if (row.parameter, row.timing_point) == (parameter, timing_point):
                 return row

@@ -213,13 +213,7 @@ class CellEstimate(Result):
         return row_label(self.participant, self.session, self.side)
 
     def parameter(self, name: str) -> ParameterEstimate | None:
-        """Return a parameter by name, None if the cell does not have it.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``stiffness``.
-        """
+        """Return a parameter by name, None if the cell does not have it."""
         return next((p for p in self.parameters if p.name == name), None)
 
     @property

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
+    from matplotlib.figure import Figure as Figure
 else:  # matplotlib is loaded when a result is drawn
-    Axes = Any
+    Axes = Figure = Any
 
 _Plot = TypeVar("_Plot", bound=Callable[..., Any])
 

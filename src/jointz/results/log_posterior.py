@@ -123,13 +123,7 @@ class LogPosterior(PlottedResult):
         return np.asarray(np.sqrt(np.diag(self.prior_covariance)))
 
     def scale(self, name: str) -> ValueScale:
-        """Return the scale of a parameter.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``stiffness``.
-        """
+        """Return the scale of a parameter."""
         return ValueScale(dict(self.scale_units).get(name, 0.0))
 
     @property

@@ -228,23 +228,8 @@ class StudyAnalysis(Result):
     def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
         """Draw one parameter with its intervals, over the gait cycle or the groups of a bench.
 
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw, without title and legend (``ax.legend()`` adds one); a new figure by
-            default.
-        parameter : str
-            Which parameter.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-
-        Raises
-        ------
-        DataError
-            When no estimate has this parameter.
+        On axes that are given, without title and legend (``ax.legend()`` adds one). Raises
+        DataError if no estimate has this parameter.
         """
         known = list(dict.fromkeys(p.name for cell in self.cells for p in cell.parameters))
         if known and parameter not in known:

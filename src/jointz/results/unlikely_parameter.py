@@ -35,27 +35,16 @@ _REMEDIES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class UnlikelyParameter:
-    """A parameter of instruments or leg that is far from what was known before the data.
+    """A parameter of instruments or leg that is far from what was known before the data."""
 
-    Parameters
-    ----------
-    name : str
-        As ``[priors]`` or ``[calibration]`` names it; ``inertia`` and ``inertia_of_point`` are
-        those of leg and device, the mean over timing points and the farthest.
-    value : float
-        What the responses need, SI.
-    expected, low, high : float
-        Median and 95 % interval of prior or calibration, SI.
-    sds : float
-        How many standard deviations the value is off, on the scale of the prior.
-    """
-
+    # as ``[priors]`` or ``[calibration]`` names it; ``inertia`` and ``inertia_of_point`` are those
+    # of leg and device, the mean over timing points and the farthest
     name: str
-    value: float
-    expected: float
-    low: float
-    high: float
-    sds: float
+    value: float  # what the responses need, SI
+    expected: float  # median of prior or calibration, SI
+    low: float  # lower end of its 95 % interval, SI
+    high: float  # upper end, SI
+    sds: float  # standard deviations that the value is off, on the scale of the prior
 
     @property
     def remedy(self) -> str:

@@ -142,20 +142,7 @@ class PopulationModel:
         return np.asarray(whole * gain - fit.intrinsic[k])
 
     def mean(self, condition: int, place: Place) -> PeopleMean | None:
-        """Return the mean of a parameter at a timing point; None below three people.
-
-        Parameters
-        ----------
-        condition : int
-            Condition or group, from 0.
-        place : tuple of str
-            Timing point and parameter.
-
-        Returns
-        -------
-        PeopleMean or None
-            In SI.
-        """
+        """Return the mean of a parameter at a timing point, SI; None below three people."""
         element = (condition, place)
         if element not in self._of:
             return None
@@ -185,19 +172,10 @@ class PopulationModel:
         *,
         margin_share: float | None = None,
     ) -> PeopleDifference | None:
-        """Return first minus second; None below three people.
+        """Return first minus second, SI; None below three people.
 
-        Parameters
-        ----------
-        first, second : tuple of int and place
-            Condition or group, from 0, with timing point and parameter.
-        margin_share : float, optional
-            Margin of equivalence, as a share of the second mean.
-
-        Returns
-        -------
-        PeopleDifference or None
-            In SI.
+        Each is a condition or group, from 0, with timing point and parameter; ``margin_share`` is
+        the margin of equivalence, as a share of the second mean.
         """
         if first not in self._of or second not in self._of:
             return None

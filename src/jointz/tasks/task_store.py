@@ -48,15 +48,7 @@ class TaskStore:
         object.__setattr__(self, "place", self.place.resolve())
 
     def check_writable(self) -> None:
-        """Refuse a cache folder in which nothing can be kept.
-
-        Raises
-        ------
-        WriteError
-            When it cannot be made or written to.
-        OutputError
-            When another user may write to it.
-        """
+        """Refuse a cache folder that cannot be written, or that another user may write to."""
         root = _own_root()
         if not os.access(root, os.W_OK):
             raise WriteError(str(root), PermissionError(errno.EACCES, "read-only"), _ANOTHER)
@@ -68,25 +60,11 @@ class TaskStore:
         return _own_root() / name
 
     def holds(self, key: str) -> bool:
-        """Tell whether a result is there.
-
-        Parameters
-        ----------
-        key : str
-            Of :func:`task_key`.
-        """
+        """Tell whether a result is there."""
         return _file(self.folder, key).exists()
 
     def kept(self, key: Callable[[], str], call: Callable[[], Result]) -> Callable[[], Result]:
-        """Return a call that keeps its result, or returns the one that was kept.
-
-        Parameters
-        ----------
-        key : callable
-            Returns what :func:`task_key` does.
-        call : callable
-            Without arguments, fit for pickling.
-        """
+        """Return a call that keeps its result, or returns the one that was kept."""
         return partial(_kept, self, key, call)
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""Options that the commands of ``jointz identify`` share, and what they mean together."""
+"""Options about recording files that several commands share."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -24,35 +24,24 @@ ActsOn = Literal["joint", "device"]
 File = Annotated[
     Path, typer.Argument(dir_okay=False, help="Recording: csv, csv.gz, parquet, nc, mat.")
 ]
-Time = Annotated[str | None, typer.Option("--time", help="COL[:unit] of time (s).")]
-Rate = Annotated[
-    float | None, typer.Option("--rate", help="Sampling rate in Hz, without a time column.")
-]
+Angle = Annotated[str, typer.Option(help="COL[:unit] of the angle (rad).")]
+Torque = Annotated[str, typer.Option(help="COL[:unit] of the torque (N*m).")]
+Time = Annotated[str | None, typer.Option(help="COL[:unit] of time (s).")]
+Rate = Annotated[float | None, typer.Option(help="Sampling rate in Hz, without a time column.")]
 Input = Annotated[Perturbed, typer.Option("--input", help="What was perturbed.")]
-TorqueActsOn = Annotated[
-    ActsOn, typer.Option("--torque-acts-on", help="device: the sign is flipped.")
-]
-Figure = Annotated[Path | None, typer.Option("--figure", help="Write a figure (svg, pdf, png).")]
+TorqueActsOn = Annotated[ActsOn, typer.Option(help="device: the sign is flipped.")]
+Figure = Annotated[Path | None, typer.Option(help="Write a figure (svg, pdf, png).")]
 Encoding = Annotated[
-    str | None, typer.Option("--encoding", help="Of a text file, such as cp1252; default UTF-8.")
+    str | None, typer.Option(help="Of a text file, such as cp1252; default UTF-8.")
 ]
-Delimiter = Annotated[
-    str | None, typer.Option("--delimiter", help="Between the columns of a text file.")
-]
+Delimiter = Annotated[str | None, typer.Option(help="Between the columns of a text file.")]
 DecimalSign = Annotated[
     Decimal, typer.Option("--decimal", help="Decimal sign in text and OpenSim files.")
 ]
-SkipRows = Annotated[
-    int, typer.Option("--skip-rows", min=0, help="Rows before the table of a text file.")
-]
+SkipRows = Annotated[int, typer.Option(min=0, help="Rows before the table of a text file.")]
 NoHeader = Annotated[
     bool, typer.Option("--no-header", help="No column names: COL is a number, from 1.")
 ]
-
-
-def given_columns(**columns: str | None) -> dict[str, str]:
-    """Return the columns that were given."""
-    return {name: text for name, text in columns.items() if text is not None}
 
 
 @dataclass(frozen=True, slots=True)

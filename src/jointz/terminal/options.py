@@ -1,9 +1,9 @@
 """Options that several commands share."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, is_dataclass
 from functools import wraps
-from inspect import Parameter, signature
+from inspect import Parameter, Signature, signature
 from typing import Annotated, Any
 
 import typer
@@ -18,9 +18,8 @@ Debug = Annotated[
 SchedulerOption = Annotated[
     str | None,
     typer.Option(
-        "--scheduler",
         help="Dask cluster that does it: tcp://host:port of a lab's, or local to start one. Its "
-        "workers must see the folder.",
+        "workers must see the folder."
     ),
 ]
 
@@ -51,20 +50,28 @@ class Commands(typer.Typer):
 def _with_single_options(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command that takes each option of its groups by itself."""
     own = signature(command, eval_str=True)
-    parameters = own.parameters.items()
-    groups: dict[str, Any] = {
-        name: p.annotation for name, p in parameters if is_dataclass(p.annotation)
-    }
 
     @wraps(command)
     def run(**values: Any) -> None:
-        for name, group in groups.items():
-            values[name] = group(**{f.name: values.pop(f.name) for f in fields(group)})
-        command(**values)
+        command(**_grouped(own, values))
 
-    options: list[Parameter] = []
-    for name, parameter in parameters:
-        group = groups.get(name)
-        options += signature(group).parameters.values() if group else [parameter]
-    run.__signature__ = own.replace(parameters=options)  # type: ignore[attr-defined]
+    run.__signature__ = own.replace(parameters=list(_single(own)))  # type: ignore[attr-defined]
     return run
+
+
+def _single(own: Signature) -> Iterator[Parameter]:
+    for parameter in own.parameters.values():
+        kind = parameter.annotation
+        yield from _single(signature(kind)) if _is_group(kind) else [parameter]
+
+
+def _grouped(own: Signature, values: Mapping[str, Any]) -> dict[str, Any]:
+    kinds = {name: parameter.annotation for name, parameter in own.parameters.items()}
+    return {
+        name: kind(**_grouped(signature(kind), values)) if _is_group(kind) else values[name]
+        for name, kind in kinds.items()
+    }
+
+
+def _is_group(annotation: Any) -> bool:
+    return is_dataclass(annotation)

@@ -45,25 +45,12 @@ def default_load_inertia(profile: ImpedanceProfile) -> float:
 
 
 def stable_stiffness(actuator: Actuator, damping: ArrayLike, load_inertia: float) -> np.ndarray:
-    """Return the stiffness below which the loop with an inertia is stable.
+    """Return the stiffness below which the loop with an inertia is stable, 0 where none is.
 
     Every stiffness from 0 to this limit is stable. On the limit the loop oscillates: the equation
     (J + inertia) s^2 + viscous s + (K + B s) exp(-s D) / (1 + s T) = 0 has a root s = jw.
-    Along that curve B grows with w wherever B >= 0, so that bisection finds w.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        The actuator.
-    damping : array_like, N*m*s/rad
-        Damping of the law, >= 0.
-    load_inertia : float, kg*m^2
-        Inertia that the actuator moves, its own apart.
-
-    Returns
-    -------
-    ndarray, N*m/rad
-        The limit, of the shape of ``damping``; 0 where no stiffness is stable.
+    Along that curve B grows with w wherever B >= 0, so that bisection finds w. J is the actuator's
+    own inertia; ``damping`` B >= 0.
     """
     dampings = np.asarray(damping, dtype=float)
     low = np.zeros_like(dampings)
@@ -107,22 +94,10 @@ def _last_frequency(actuator: Actuator, load_inertia: float) -> float:
 
 
 def passivity_shortage(actuator: Actuator, stiffness: ArrayLike, damping: ArrayLike) -> np.ndarray:
-    """Return the viscous friction that the actuator lacks to be passive, N*m*s/rad.
+    """Return the viscous friction that the actuator lacks to be passive, N*m*s/rad; <= 0 if it is.
 
     The port is passive with any passive environment if viscous + Re[(B + K / jw) H(jw)] >= 0 at
     all frequencies up to half the control rate.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        The actuator.
-    stiffness, damping : (n,) array_like, N*m/rad and N*m*s/rad
-        The law.
-
-    Returns
-    -------
-    (n,) ndarray, N*m*s/rad
-        0 or less where it is passive.
     """
     laws = np.column_stack([np.atleast_1d(damping), np.atleast_1d(stiffness)])
     planes = np.stack(_passivity_planes(actuator))
@@ -133,20 +108,7 @@ def passivity_shortage(actuator: Actuator, stiffness: ArrayLike, damping: ArrayL
 
 
 def passive_stiffness(actuator: Actuator, damping: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and largest stiffness that are passive at dampings, N*m/rad.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        The actuator.
-    damping : (n,) array_like, N*m*s/rad
-        Damping of the law.
-
-    Returns
-    -------
-    low, high : (n,) ndarray, N*m/rad
-        NaN where no stiffness is.
-    """
+    """Return the least and largest stiffness that are passive at dampings; NaN where none is."""
     real, slope = _passivity_planes(actuator)
     with np.errstate(divide="ignore"):
         limits = -(actuator.viscous + np.atleast_1d(damping)[:, None] * real) / slope

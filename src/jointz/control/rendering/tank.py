@@ -15,12 +15,7 @@ class EnergyTank:
 
     In every tick the tank gains ``RECOVERED`` of what the damper took out since the last tick and
     what a falling stiffness releases; a rising stiffness takes 1/2 dK x^2 out of it and rises as
-    far as the tank has energy. The tank starts full.
-
-    Parameters
-    ----------
-    largest_j : float, J
-        Energy that it holds at most, and at the start.
+    far as the tank has energy. The tank starts full, with ``largest_j``, the most that it holds.
     """
 
     largest_j: float
@@ -37,16 +32,7 @@ class EnergyTank:
     ) -> float:
         """Return the stiffness to use in this tick, N*m/rad.
 
-        Parameters
-        ----------
-        stiffness, damping : float, N*m/rad and N*m*s/rad
-            Those that the law asks for.
-        deviation : float, rad
-            Angle less equilibrium now.
-        rate : float, rad/s
-            Its rate since the last tick.
-        elapsed_s : float, s
-            Time since the last tick.
+        ``deviation`` is angle less equilibrium now; ``rate`` its rate since the last tick.
         """
         if self.stiffness is None:  # the tank does not pay for the energy at the start
             self.stiffness, self.damping = stiffness, damping

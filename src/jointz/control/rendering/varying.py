@@ -45,17 +45,9 @@ def floquet_multipliers(
 ) -> np.ndarray:
     """Return the largest Floquet multiplier of J x'' + B(t) x' + (K(t) + K_e) x = 0.
 
-    Parameters
-    ----------
-    stiffness, damping : (..., n) ndarray, N*m/rad and N*m*s/rad
-        At n phases, evenly over the cycle, linear in between.
-    inertia, spring, stride_s : ndarray, kg*m^2, N*m/rad, s
-        Loads and stride times; they broadcast with each other and with ``stiffness[..., 0]``.
-
-    Returns
-    -------
-    ndarray
-        Growth of a deviation from stride to stride, as a factor.
+    It is the growth of a deviation from stride to stride. ``stiffness``, ``damping`` (..., n): at n
+    phases, evenly over the cycle, linear in between; the others broadcast with each other and with
+    ``stiffness[..., 0]``.
     """
     step = stride_s / stiffness.shape[-1]
     shape = np.broadcast_shapes(stiffness.shape[:-1], inertia.shape, spring.shape, step.shape)
@@ -111,20 +103,6 @@ def largest_multiplier(
     load's, a spring to ground between 0 and 10 times the mean stiffness, at a stride time within
     20 % of the mean. A grid is searched and refined near its
     largest values.
-
-    Parameters
-    ----------
-    stiffness, damping : (n,) ndarray, N*m/rad and N*m*s/rad
-        At n phases, evenly over the cycle, linear in between.
-    stride_s : float, s
-        Mean stride time.
-    load_inertia : float, kg*m^2
-        Inertia of the load.
-
-    Returns
-    -------
-    LargestMultiplier
-        The multiplier and where it is.
     """
     search = _Search(stiffness[None], damping[None], stride_s, load_inertia)
     points, cell = _grid(GRID)
@@ -142,15 +120,7 @@ def largest_multiplier(
 def drawn_multipliers(
     stiffness: np.ndarray, damping: np.ndarray, stride_s: float, load_inertia: float
 ) -> np.ndarray:
-    """Return the largest multiplier of many profiles, (m,), by a coarser search.
-
-    Parameters
-    ----------
-    stiffness, damping : (m, n) ndarray, N*m/rad and N*m*s/rad
-        Profiles.
-    stride_s, load_inertia : float, s and kg*m^2
-        As in :func:`largest_multiplier`.
-    """
+    """Return the largest multiplier of many profiles (m, n), (m,), by a coarser search."""
     points, cell = _grid(SMALL_GRID)
     points = points.reshape(-1, 3)
     multipliers = []
@@ -215,13 +185,6 @@ def is_surely_stable(
     It holds if, at every stride time, there is an alpha > 0 with alpha J <= B and
     K' + alpha B' <= 2 alpha K throughout, J the largest inertia of the loads; springs to ground
     only help. It is sufficient, not necessary: profiles that fail it may be safe.
-
-    Parameters
-    ----------
-    stiffness, damping : (n,) ndarray, N*m/rad and N*m*s/rad
-        At n phases, evenly over the cycle, linear in between.
-    stride_s, load_inertia : float, s and kg*m^2
-        As in :func:`largest_multiplier`.
     """
     rise = np.roll(stiffness, -1) - stiffness, np.roll(damping, -1) - damping
     largest = damping.min() / (INERTIA_RANGE[1] * load_inertia)

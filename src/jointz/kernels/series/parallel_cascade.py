@@ -68,34 +68,16 @@ class RectifiedPath:
     drift: np.ndarray
 
     def without_drift(self, columns: np.ndarray) -> np.ndarray:
-        """Return (n_kept, ...) less its part along the slow functions.
-
-        Parameters
-        ----------
-        columns : (n_kept, ...) float
-            Signals.
-        """
+        """Return (n_kept, ...) less its part along the slow functions."""
         return np.asarray(columns - self.drift @ (self.drift.T @ columns))
 
     def regressor(self, shape: Shape) -> np.ndarray:
-        """Return (n_kept,): torque of the path at a gain of one.
-
-        Parameters
-        ----------
-        shape : Shape
-            The nonlinear numbers.
-        """
+        """Return (n_kept,): torque of the path at a gain of one."""
         source, _ = self._source(shape)
         return self._in_time(source * self._filter(shape))[:, 0]
 
     def sensitivities(self, shape: Shape) -> np.ndarray:
-        """Return (n_kept, 5): the regressor and its derivatives along the shape.
-
-        Parameters
-        ----------
-        shape : Shape
-            The nonlinear numbers.
-        """
+        """Return (n_kept, 5): the regressor and its derivatives along the shape."""
         source, slope = self._source(shape)
         response = self._filter(shape)
         frequency, ratio = np.exp(shape.log_frequency), np.exp(shape.log_ratio)

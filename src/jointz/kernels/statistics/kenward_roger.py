@@ -15,13 +15,7 @@ _NEARLY_TWO = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Contrasts:
-    """Single contrasts of fixed effects.
-
-    Parameters
-    ----------
-    estimate, se, df : (q,) float
-        Value, standard error and degrees of freedom.
-    """
+    """Single contrasts of fixed effects: value, standard error and degrees of freedom, (q,)."""
 
     estimate: np.ndarray
     se: np.ndarray

@@ -38,13 +38,7 @@ class CellBlocks:
     within_ss: float
 
     def without(self, component: int) -> "CellBlocks":
-        """Return the model without one of its components.
-
-        Parameters
-        ----------
-        component : int
-            Its place in ``G``; not the last, which is the residual.
-        """
+        """Return the model without one of its components, not the last of ``G``, the residual."""
         return replace(self, G=np.delete(self.G, component, axis=0))
 
 

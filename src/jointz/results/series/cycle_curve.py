@@ -78,20 +78,7 @@ class PhaseCurve(Result):
     warnings: tuple[str, ...] = ()
 
     def band(self, parameter: str, participant: str = MEAN) -> ParameterBand:
-        """Return one curve.
-
-        Parameters
-        ----------
-        parameter : str
-            Such as ``stiffness``.
-        participant : str
-            The id; the mean over people by default.
-
-        Raises
-        ------
-        KeyError
-            When there is none.
-        """
+        """Return one curve, by default the mean over people; KeyError if there is none."""
         for band in self.bands:
             if (band.parameter, band.participant) == (parameter, participant):
                 return band
@@ -138,20 +125,7 @@ class PhaseCurve(Result):
 
     @in_figure_style
     def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
-        """Draw the curves of one parameter over the cycle, with band and estimates.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-        parameter : str
-            Which.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw the curves of one parameter over the cycle, with band and estimates."""
         axes = axes_or_new(ax, (7.0, 4.0))
         bands = [band for band in self.bands if band.parameter == parameter]
         # The mean stands out; people are thin lines beside it.

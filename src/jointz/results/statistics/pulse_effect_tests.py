@@ -152,18 +152,7 @@ class PulseEffects(PlottedResult):
         return (*self._significant(), *self._larger())
 
     def count(self, claim: str, analysis: str, response: str, effect: str) -> PulseCount:
-        """Return one of :attr:`counts`.
-
-        Parameters
-        ----------
-        claim, analysis, response, effect : str
-            As in :class:`PulseCount`.
-
-        Raises
-        ------
-        KeyError
-            When there is no such count.
-        """
+        """Return one of :attr:`counts`; KeyError if there is none."""
         key = (claim, analysis, response, effect)
         for c in self.counts:
             if (c.claim, c.analysis, c.response, c.effect) == key:

@@ -82,20 +82,7 @@ class QuasiStiffness(PlottedResult):
     notes: tuple[str, ...] = ()
 
     def estimate(self, timing_point: str, measure: str = "slope") -> QuasiStiffnessEstimate:
-        """Return one estimate.
-
-        Parameters
-        ----------
-        timing_point : str
-            Such as ``LRE``.
-        measure : str
-            One of :data:`MEASURES`.
-
-        Raises
-        ------
-        KeyError
-            When there is none.
-        """
+        """Return one estimate, of one of :data:`MEASURES`; KeyError if there is none."""
         for estimate in self.estimates:
             if (estimate.timing_point, estimate.measure) == (timing_point, measure):
                 return estimate
@@ -106,18 +93,7 @@ class QuasiStiffness(PlottedResult):
         )
 
     def values(self, measure: str = "slope") -> dict[str, float]:
-        """Return the values of one measure by timing point, those without a value left out.
-
-        Parameters
-        ----------
-        measure : str
-            One of :data:`MEASURES`.
-
-        Raises
-        ------
-        KeyError
-            When there is no such measure.
-        """
+        """Return the values of one of :data:`MEASURES` by timing point, where there are any."""
         if measure not in MEASURES:
             raise KeyError(f"expected one of {', '.join(MEASURES)}; got {measure!r}")
         return {

@@ -30,27 +30,22 @@ def calibrate(
         Path, typer.Argument(help="The study of jointz run calibration-STEP, or your own.")
     ],
     out: Annotated[
-        Path | None,
-        typer.Option("--out", help="Calibration file to write; one that is there is added to."),
+        Path | None, typer.Option(help="Calibration file to write; one that is there is added to.")
     ] = None,
     into: Annotated[
         Path | None,
         typer.Option(
-            "--into",
             help="Study to put the entries into; study.toml.before-calibration keeps what it "
-            "held before.",
+            "held before."
         ),
     ] = None,
     entry: Annotated[
         list[str] | None,
-        typer.Option("--entry", help="Write this entry only, such as angle_gain; may be repeated."),
+        typer.Option(help="Write this entry only, such as angle_gain; may be repeated."),
     ] = None,
     protocol: Annotated[
         str | None,
-        typer.Option(
-            "--protocol",
-            help="States the known loads of leg and spring; else the one that was run.",
-        ),
+        typer.Option(help="States the known loads of leg and spring; else the one that was run."),
     ] = None,
     figure: Figure = None,
     printing: Printing = Printing(),

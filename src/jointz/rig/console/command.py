@@ -6,14 +6,7 @@ from typing import Annotated
 
 import typer
 
-from jointz.rig.session.command import (
-    CalibrationOption,
-    ConfigOption,
-    Device,
-    DeviceOption,
-    Preset,
-    PresetOption,
-)
+from jointz.rig.session.command import CalibrationOption, RigOptions
 from jointz.terminal.exit_status import EXIT_STOPPED
 from jointz.terminal.options import Printing
 from jointz.terminal.output import emit, emit_error, emit_json
@@ -26,29 +19,21 @@ def console(
         str | None,
         typer.Argument(help="A built-in protocol, or a protocol file; none to watch only."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", help="The study's folder.")] = Path("study"),
-    device: DeviceOption = None,
-    config: ConfigOption = None,
-    preset: PresetOption = None,
+    out: Annotated[Path, typer.Option(help="The study's folder.")] = Path("study"),
+    rig: RigOptions = RigOptions(),
     participants: Annotated[
         int | None,
-        typer.Option(
-            "--participants",
-            min=1,
-            help="Number of people; by default that of --config or the protocol.",
-        ),
+        typer.Option(min=1, help="Number of people; by default that of --config or the protocol."),
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Seed of plan and simulation.")
-    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of plan and simulation.")] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue a run, or find the running one.")
     ] = False,
     calibration: CalibrationOption = None,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any.")
+        int, typer.Option(min=0, max=65535, help="Port of the page; 0 for any.")
     ] = DEFAULT_PORT,
-    listen: Annotated[str, typer.Option("--listen", help="Address to listen on.")] = "127.0.0.1",
+    listen: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     printing: Printing = Printing(),
 ) -> None:
     """Run an experiment from a page: watch the device, start, pause and stop the session.
@@ -71,14 +56,7 @@ def console(
     left = open_console(
         out,
         _arguments(
-            protocol,
-            out,
-            device,
-            preset,
-            config=config,
-            participants=participants,
-            seed=seed,
-            calibration=calibration,
+            protocol, out, rig, participants=participants, seed=seed, calibration=calibration
         ),
         resume=resume,
         host=listen,
@@ -94,13 +72,11 @@ def console(
 def _arguments(
     protocol: str | None,
     out: Path,
-    device: Device | None,
-    preset: Preset | None,
+    rig: RigOptions,
     *,
-    config: Path | None,
     participants: int | None,
     seed: int | None,
-    calibration: Path | None = None,
+    calibration: Path | None,
 ) -> list[str]:
     """Return the arguments of ``jointz run``; none to watch only."""
     if protocol is None:
@@ -111,12 +87,12 @@ def _arguments(
     # Problems of files are reported here, not on the page.
     plan = load_protocol(protocol)
     known = None if calibration is None else read_calibration(calibration)
-    if config is not None:
+    if rig.config is not None:
         from jointz.rig.session.rigs.hardware_rig import read_hardware, refuse_with_devices
 
-        refuse_with_devices(device=device, preset=preset, clock="real", workers=1)
-        read_hardware(config, plan, participants=participants, known=known)
-    options = {"--config": config, "--device": device, "--preset": preset,
+        refuse_with_devices(device=rig.device, preset=rig.preset, clock="real", workers=1)
+        read_hardware(rig.config, plan, participants=participants, known=known)
+    options = {"--config": rig.config, "--device": rig.device, "--preset": rig.preset,
                "--participants": participants, "--seed": seed,
                "--calibration": calibration}  # fmt: skip
     arguments = [protocol, "--out", str(out), "--clock", "real", "--attended", "--quiet"]

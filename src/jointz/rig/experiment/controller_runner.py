@@ -31,27 +31,8 @@ class RunnerSettings:
 class ControllerRunner:
     """Calls a controller while gait is steady and fades its torque in and out.
 
-    Parameters
-    ----------
-    condition : str
-        Name of the trial.
-    segment : int
-        Number of this stretch of the trial.
-    spec : ControllerSpec
-        The protocol's table.
-    controller : Controller
-        Made for this stretch.
-    journal : Journal
-        The session's.
-    settings : RunnerSettings
-        Of loop, safety gate and goniometer.
-
-    Attributes
-    ----------
-    failure : str
-        What the controller raised; "" while it raised nothing.
-    fading : bool
-        Whether torque fades out in this tick.
+    ``failure`` is what the controller raised, "" if nothing; ``fading`` tells whether torque fades
+    out in this tick.
     """
 
     def __init__(

@@ -129,26 +129,12 @@ class SafetyGate:
         self.flags = 0
 
     def trip(self, code: Trip, detail: str) -> None:
-        """Trip; the first trip stands.
-
-        Parameters
-        ----------
-        code : Trip
-            Why.
-        detail : str
-            Limit and value.
-        """
+        """Trip; the first trip stands."""
         if self.tripped is None:
             self.tripped, self.detail = code, f"{code.meaning}: {detail}"
 
     def overran(self, missed_slots: int) -> None:
-        """Take note of slots missed just before this tick.
-
-        Parameters
-        ----------
-        missed_slots : int
-            How many.
-        """
+        """Take note of slots missed just before this tick."""
         self._overran = True
         self._overruns += missed_slots
         if self._overruns >= self._limits.consecutive_overruns:
@@ -168,23 +154,9 @@ class SafetyGate:
     ) -> float:
         """Return the torque to send, N*m.
 
-        Parameters
-        ----------
-        requested_nm : float, N*m
-            What the controller asks for.
-        sample : ActuatorSample or None
-            The newest of this tick, None where none came.
-        angle : float, rad
-            The goniometer's newest.
-        age_s : float, s
-            Of the stalest of the sensors; infinite until each has given a sample.
-        steady : bool
-            Whether a pulse may go on.
-        pulse_active : bool
-            Whether a pulse is asked for.
-        displacement : float or None, rad
-            By the pulse that is on, ``LOOK_AHEAD_S`` from now; None where none is on or it has no
-            limit.
+        ``age_s`` is that of the stalest sensor, infinite until each has given a sample.
+        ``displacement`` is that by the pulse that is on, ``LOOK_AHEAD_S`` from now; None where none
+        is on or it has no limit.
         """
         if self.tripped is None:
             if self._overran:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -22,44 +23,43 @@ if TYPE_CHECKING:
 Device = Literal["sim"]
 #: Quality of a simulated rig and its people.
 Preset = Literal["clean", "nominal", "hard", "anthropometric", "realistic"]
-
-
 #: Clocks.
 ClockName = Literal["fast", "real"]
 
 
-DeviceOption = Annotated[
-    Device | None, typer.Option("--device", help="Simulated devices (sim); so without --config.")
-]
-ConfigOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--config",
-        help="Real devices, as this device.toml names them; on Linux only. No driver was ever "
-        "tried on hardware.",
-    ),
-]
-PresetOption = Annotated[
-    Preset | None,
-    typer.Option(
-        "--preset",
-        help="How well simulated people and devices behave (default: realistic for people, "
-        "nominal for benches and calibrations). anthropometric, realistic: people only.",
-    ),
-]
+@dataclass(frozen=True, slots=True)
+class RigOptions:
+    """Options about the devices, and about their simulation."""
+
+    device: Annotated[
+        Device | None, typer.Option(help="Simulated devices (sim); so without --config.")
+    ] = None
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            help="Real devices, as this device.toml names them; on Linux only. No driver was ever "
+            "tried on hardware."
+        ),
+    ] = None
+    preset: Annotated[
+        Preset | None,
+        typer.Option(
+            help="How well simulated people and devices behave (default: realistic for people, "
+            "nominal for benches and calibrations). anthropometric, realistic: people only."
+        ),
+    ] = None
+
+
 SensorsOption = Annotated[
     str | None,
     typer.Option(
-        "--sensors",
         help="Of simulated people: goniometer, and with it encoder and gyroscopes, with commas "
-        "between (default: all that the preset has; realistic has all three).",
+        "between (default: all that the preset has; realistic has all three)."
     ),
 ]
 CalibrationOption = Annotated[
     Path | None,
-    typer.Option(
-        "--calibration", help="Take the entries of this file of jointz calibrate into the study."
-    ),
+    typer.Option(help="Take the entries of this file of jointz calibrate into the study."),
 ]
 
 
@@ -80,31 +80,20 @@ class _Prompting:
 
 def run(
     protocol: Annotated[str, typer.Argument(help="A built-in protocol, or a protocol file.")],
-    out: Annotated[Path, typer.Option("--out", help="The study's folder.")],
-    device: DeviceOption = None,
-    config: ConfigOption = None,
-    preset: PresetOption = None,
+    out: Annotated[Path, typer.Option(help="The study's folder.")],
+    rig: RigOptions = RigOptions(),
     sensors: SensorsOption = None,
     clock: Annotated[
         ClockName | None,
-        typer.Option(
-            "--clock", help="As fast as it can (fast, of sim), or in real time (real, of devices)."
-        ),
+        typer.Option(help="As fast as it can (fast, of sim), or in real time (real, of devices)."),
     ] = None,
     participants: Annotated[
-        int | None,
-        typer.Option(
-            "--participants", min=1, help="How many; else those of --config, or the protocol's."
-        ),
+        int | None, typer.Option(min=1, help="How many; else those of --config, or the protocol's.")
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Of plan and simulation.")
-    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of plan and simulation.")] = None,
     workers: Annotated[
         int | None,
-        typer.Option(
-            "--workers", min=1, help="Participants run in parallel (default: number of cores)."
-        ),
+        typer.Option(min=1, help="Participants run in parallel (default: number of cores)."),
     ] = None,
     scheduler: SchedulerOption = None,
     resume: Annotated[
@@ -117,8 +106,7 @@ def run(
         ),
     ] = False,
     attended: Annotated[
-        bool,
-        typer.Option("--attended", hidden=True, help="A page starts, pauses and stops it."),
+        bool, typer.Option("--attended", hidden=True, help="A page starts, pauses and stops it.")
     ] = False,
     calibration: CalibrationOption = None,
     printing: Printing = Printing(),
@@ -132,18 +120,16 @@ def run(
     """
     from jointz.rig.session.run import run as run_study
 
-    real = clock == "real" or config is not None
+    real = clock == "real" or rig.config is not None
     with (
         experiment_bars(shown=not (printing.quiet or printing.as_json)) as bars,
         _resume_advised(out),
     ):
         made = run_study(
             protocol,
-            device=device,
-            config=config,
+            **asdict(rig),
             out=out,
             seed=seed,
-            preset=preset,
             sensors=sensors.replace(" ", "").split(",") if sensors else None,
             clock=clock,
             participants=participants,

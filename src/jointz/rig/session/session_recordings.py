@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from jointz.core.channels import MOTION_SENSORS
+from jointz.core.channels import MOTION_SENSORS, PULSE_COLUMNS
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.recording import build_recording
@@ -60,16 +60,6 @@ _UNITS = {
     "trial": "1",
 }
 _MOTOR = {name: name for name in ("motor_angle", "motor_velocity", "current")}
-_PULSE_COLUMNS = (
-    "pulse",
-    "onset_s",
-    "duration_s",
-    "amplitude_nm",
-    "timing_point",
-    "shape",
-    "completed",
-    "damaged",
-)
 Rows = list[dict[str, Any]]
 
 
@@ -260,7 +250,7 @@ class WalkingRecordings(SessionRecordings):
                 piece.log, piece.time_s, plan, self.events, new=piece.streams.fresh(master)
             )
         ]
-        return pd.DataFrame(rows, columns=list(_PULSE_COLUMNS))
+        return pd.DataFrame(rows, columns=[*PULSE_COLUMNS, "damaged"])
 
     def onset_rows(
         self,

@@ -13,7 +13,7 @@ from jointz.terminal.output import emit, emit_json
 def stream(
     session: Annotated[Path, typer.Argument(help="Folder of a study that runs, or of a session.")],
     name: Annotated[
-        str, typer.Option("--name", help="Of the stream of channels; markers: NAME markers.")
+        str, typer.Option(help="Of the stream of channels; markers: NAME markers.")
     ] = "jointz",
     printing: Printing = Printing(),
 ) -> None:

@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 from numba import njit
 
-from jointz.core.channels import MOTION_SENSORS
+from jointz.core.channels import MOTION_SENSORS, PULSE_COLUMNS
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.protocols.pulse_models import (
@@ -42,15 +42,6 @@ WALKING_PULSE = PulseSpec(amplitude_nm=17.0, duration_s=0.25, hold_s=0.25)
 QUICK_GRID = Grid(500.0, substeps=5)
 _MEASURED = ("motor_angle", "motor_velocity", "current", "angle", "joint_moment")
 _BISECTIONS = 40
-_PULSE_COLUMNS = (
-    "pulse",
-    "onset_s",
-    "duration_s",
-    "amplitude_nm",
-    "timing_point",
-    "shape",
-    "completed",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,15 +134,8 @@ class WalkPlan:
         return variants[count % len(variants)]
 
     def torque_nm(self, count: int) -> float:
-        """Return the signed size of a pulse.
+        """Return the signed size of a pulse with ``count`` pulses before it at its timing point.
 
-        Parameters
-        ----------
-        count : int
-            Of pulses before it at its timing point.
-
-        Examples
-        --------
         >>> both = WALKING_PULSE.model_copy(update={"direction": "both"})
         >>> plan = WalkPlan(pulse=both, amplitudes_nm=(8.0, 17.0))
         >>> [plan.torque_nm(count) for count in range(4)]
@@ -323,7 +307,7 @@ def _pulse_table(
         onset_s = np.ceil(at_s / period_s) * period_s
         length_s = plan.shapes[variant.shape].length_s
         rows.append((number, onset_s, length_s, variant.amplitude_nm, name, variant.shape, True))
-    return pd.DataFrame(rows, columns=list(_PULSE_COLUMNS))
+    return pd.DataFrame(rows, columns=list(PULSE_COLUMNS))
 
 
 def _check_room(pulses: pd.DataFrame, end_s: float) -> None:

@@ -46,19 +46,9 @@ def own_truth(
 ) -> dict[str, dict[str, float]]:
     """Return timing point -> true ``stiffness, damping, inertia`` and ``displacement_deg``.
 
-    Parameters
-    ----------
-    person : Person
-        Who walked.
-    preset : Preset
-        In what.
-    plan : WalkPlan
-        With which pulses.
-    window_s : float, s
-        Window of the analysis.
-    recorded : mapping, optional
-        Ground truth of a walk with such pulses, over the same window: the truth is that of its
-        pulses, at the phases at which they began; by default that of the plan's at exact phases.
+    ``recorded`` is the ground truth of a walk with such pulses, over the same window: the truth is
+    that of its pulses, at the phases at which they began; by default that of the plan's at exact
+    phases.
     """
     rig = SimulatedRig(person, preset, grid=QUICK_GRID)
     # Of the rig's preset, which has the person's own strap, reflex and softening.
@@ -155,17 +145,9 @@ def _along(curves: dict[str, Any], name: str, phase_pct: np.ndarray) -> np.ndarr
 
 
 def cell_truth(truth: dict[str, Any]) -> dict[str, dict[str, float]]:
-    """Return the truth of a rigid coupling: apparent K (gravity and chain included), B and J.
+    """Return timing point -> truth of a rigid coupling, mean over its pulses.
 
-    Parameters
-    ----------
-    truth : mapping
-        Ground truth of a condition.
-
-    Returns
-    -------
-    dict
-        Timing point -> ``stiffness``, ``damping``, ``inertia``, mean over its pulses.
+    These are the apparent ``stiffness`` (gravity and chain included), ``damping`` and ``inertia``.
     """
     pulses = pd.DataFrame(truth["pulses"])
     pulses["stiffness"] += pulses["gravity_stiffness"] + pulses.get("inertial_stiffness", 0.0)

@@ -126,19 +126,7 @@ class SimulatedRig:
         return "rigid" if self.preset.body is None else "strap"
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
-        """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        worn : bool
-            Whether the exoskeleton is worn.
-        segment : int
-            Number of the stretch.
-        clock : Clock
-            The host's.
-        """
+        """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition."""
         build = self.build(worn=worn)
         motion = self.motion(condition, segment)
         running = RunningPlant(build, motion, purpose=condition, segment=segment)
@@ -218,25 +206,11 @@ class SimulatedRig:
         )
 
     def shift(self, condition: str) -> ConditionShift:
-        """Return how the unperturbed knee of a condition differs from the person's.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        """
+        """Return how the unperturbed knee of a condition differs from the person's."""
         return draw_shift(self.preset.gait, self.person.stream(f"shift {condition}"))
 
     def motion(self, condition: str, segment: int) -> GaitMotion:
-        """Return the strides of one stretch, from the first on.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        segment : int
-            Number of the stretch.
-        """
+        """Return the strides of one stretch, from the first on."""
         return GaitMotion(
             self.preset.gait,
             stride_time_s=self.person.stride_time_s * stride_time_ratio(self.speed_m_s),
@@ -247,13 +221,7 @@ class SimulatedRig:
         )
 
     def build(self, *, worn: bool) -> PlantBuild:
-        """Return the constants of the plant.
-
-        Parameters
-        ----------
-        worn : bool
-            Whether the exoskeleton is worn.
-        """
+        """Return the constants of the plant."""
         return build_plant(self.person, self.preset, grid=self.grid, worn=worn)
 
 

@@ -97,13 +97,7 @@ class Deviation:
     values: Mapping[str, Any] = field(default_factory=dict)
 
     def covers(self, number: int) -> bool:
-        """Tell whether a sample is one of those that deviate.
-
-        Parameters
-        ----------
-        number : int
-            Of the sample.
-        """
+        """Tell whether a sample is one of those that deviate."""
         return self.first <= number and (self.last is None or number <= self.last)
 
 
@@ -277,20 +271,7 @@ class ScriptedActuator(_Scripted[ActuatorSample]):
         return samples
 
     def command_torque(self, torque_nm: float) -> None:
-        """Command a torque until the next command or the command timeout.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted torque.
-
-        Raises
-        ------
-        NotConnectedError
-            After a disconnection.
-        DeviceError
-            When the actuator is not ``ACTIVE``, or the torque is no number.
-        """
+        """Command a torque until the next command or the command timeout."""
         self._check_connected()
         self._require(ACTIVE)
         if not isfinite(torque_nm):

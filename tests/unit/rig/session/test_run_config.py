@@ -9,6 +9,7 @@ import pytest
 from jointz.core.errors import DataError, DeviceFileError, StudyError
 from jointz.io.protocols import protocol_text
 from jointz.rig.console.command import _arguments
+from jointz.rig.session.command import RigOptions
 
 from .laboratory import ACTUATOR, ANGLE, CONTACT
 
@@ -68,12 +69,12 @@ def test_who_does_not_answer_for_one_simulated_person_is_not_asked_for_the_next(
 
 
 def test_the_console_hands_the_file_or_the_simulation_to_the_run(config, tmp_path):
-    about = {"participants": 2, "seed": None}
-    real = _arguments("walking", tmp_path, None, None, config=config, **about)
+    about = {"participants": 2, "seed": None, "calibration": None}
+    real = _arguments("walking", tmp_path, RigOptions(config=config), **about)
     assert real[real.index("--config") + 1] == str(config)
     assert not {"--device", "--preset"} & set(real)
     assert real[real.index("--clock") + 1] == "real"
-    made = _arguments("walking", tmp_path, "sim", "hard", config=None, **about)
+    made = _arguments("walking", tmp_path, RigOptions("sim", preset="hard"), **about)
     assert made[made.index("--device") + 1] == "sim"
     assert made[made.index("--preset") + 1] == "hard"
 
@@ -81,17 +82,18 @@ def test_the_console_hands_the_file_or_the_simulation_to_the_run(config, tmp_pat
 def test_the_console_hands_a_calibration_to_the_run(tmp_path):
     file = tmp_path / "calibration.toml"
     file.write_text("[calibration]\nangle_lag_s = { value = 0.02, sd = 0.001 }\n")
-    about = {"config": None, "participants": None, "seed": None, "calibration": file}
-    made = _arguments("walking", tmp_path, None, None, **about)
+    about = {"participants": None, "seed": None, "calibration": file}
+    made = _arguments("walking", tmp_path, RigOptions(), **about)
     assert made[made.index("--calibration") + 1] == str(file)
     file.write_text("[calibration]\nangle_lag_s = 1\n")
     with pytest.raises(StudyError, match="angle_lag_s"):
-        _arguments("walking", tmp_path, None, None, **about)
+        _arguments("walking", tmp_path, RigOptions(), **about)
 
 
 def test_the_console_tells_what_is_wrong_before_its_page_is_served(config, tmp_path):
+    about = {"participants": None, "seed": None, "calibration": None}
     with pytest.raises(DataError, match="config"):
-        _arguments("walking", tmp_path, "sim", None, config=config, participants=None, seed=None)
+        _arguments("walking", tmp_path, RigOptions("sim", config), **about)
     config.write_text(ACTUATOR + CONTACT)
     with pytest.raises(DeviceFileError, match="angle"):
-        _arguments("walking", tmp_path, None, None, config=config, participants=None, seed=None)
+        _arguments("walking", tmp_path, RigOptions(config=config), **about)

@@ -29,16 +29,9 @@ class UnperturbedAngle:
 
     A stride with a pulse in it and the stride after it are left out. All memory is taken at
     the beginning; the mean is computed once a stride. From an onset on the phase runs on at the
-    mean stride time: a pulse may change when the heel strikes.
-
-    Attributes
-    ----------
-    known : bool
-        Whether there are enough strides to predict from.
-    displacement : float, rad
-        Measured minus predicted angle since :meth:`begin`.
-    rate : float, rad/s
-        Measured minus predicted velocity.
+    mean stride time: a pulse may change when the heel strikes. ``displacement`` and ``rate`` are
+    measured minus predicted angle and velocity since :meth:`begin`; ``known`` tells whether there
+    are enough strides to predict from.
     """
 
     def __init__(self, period_ns: int) -> None:

@@ -9,13 +9,13 @@ import platform
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from jointz.core.channels import MOTION_SENSORS
 from jointz.core.clock import Clock
 from jointz.core.errors import DataError, DeviceFileError
 from jointz.core.protocols.protocol import Protocol
+from jointz.core.provenance import version_of
 from jointz.core.study import CalibrationSpec, DeviceSpec
 from jointz.io.calibration_file import CalibrationFile
 from jointz.io.small_files import file_content, parse_toml
@@ -95,7 +95,7 @@ class HardwareRig:
             "simulated": False,
             "device_file": self._hardware.where,
             "drivers": {name: one.driver for name, one in sections.items()},
-            "libraries": {package: _version(package) for package in sorted(packages) if package},
+            "libraries": {package: version_of(package) for package in sorted(packages) if package},
             "untried": UNTRIED,
             "settings": file.model_dump(mode="json", exclude={"participants", "calibration"}),
         }
@@ -221,13 +221,6 @@ def _another_kind(protocol: Protocol, kind: str) -> Iterator[str]:
         )
     if protocol.kind == "calibration" and kind != "voltage":
         yield f'contact.kind: expected "voltage", whose thresholds are looked for; got "{kind}".'
-
-
-def _version(library: str) -> str:
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def read_device_file(path: str | os.PathLike[str]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 Ranges are drawn from uniformly, once for each person.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import radians
 
@@ -14,15 +14,19 @@ SENSORS = ("goniometer", "encoder", "gyroscopes")
 Range = tuple[float, float]
 
 
-def _check(name: str, values: dict[str, float], ranges: dict[str, Range]) -> None:
-    wrong = [f"{key} >= 0, got {value:g}" for key, value in values.items() if not value >= 0.0]
-    wrong += [
-        f"{key} from low to high, 0 or more, got {low:g}..{high:g}"
-        for key, (low, high) in ranges.items()
-        if not 0.0 <= low <= high
+def _check(settings: object, numbers: Sequence[str], ranges: Sequence[str]) -> None:
+    """Refuse negative numbers and ranges; None is none."""
+    wrong = [
+        f"{key} >= 0, got {value:g}"
+        for key in numbers
+        if not (value := getattr(settings, key) or 0.0) >= 0.0
     ]
+    for key in ranges:
+        low, high = getattr(settings, key) or (0.0, 0.0)
+        if not 0.0 <= low <= high:
+            wrong.append(f"{key} from low to high, 0 or more, got {low:g}..{high:g}")
     if wrong:
-        raise DataError(f"{name}: expected {'; '.join(wrong)}.")
+        raise DataError(f"{type(settings).__name__}: expected {'; '.join(wrong)}.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +44,8 @@ class EncoderSettings:
     synchronised_sd_s: float | None = 0.0005
 
     def __post_init__(self) -> None:
-        numbers = {
-            "step_rad": self.step_rad,
-            "gain_error_sd": self.gain_error_sd,
-            "white_sd_rad": self.white_sd_rad,
-            "synchronised_sd_s": self.synchronised_sd_s or 0.0,
-        }
-        _check("EncoderSettings", numbers, {"lag_range_s": self.lag_range_s})
+        numbers = ("step_rad", "gain_error_sd", "white_sd_rad", "synchronised_sd_s")
+        _check(self, numbers, ("lag_range_s",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,21 +70,9 @@ class GyroscopeSettings:
     clock_rate_sd: float = 20e-6
 
     def __post_init__(self) -> None:
-        numbers = {
-            "gain_error_sd": self.gain_error_sd,
-            "white_sd_rad_s": self.white_sd_rad_s,
-            "bias_sd_rad_s": self.bias_sd_rad_s,
-            "synchronised_sd_s": self.synchronised_sd_s or 0.0,
-            "clock_rate_sd": self.clock_rate_sd,
-        }
-        ranges = {
-            "lag_range_s": self.lag_range_s,
-            "mount_damping_range": self.mount_damping_range,
-            "clock_zero_range_s": self.clock_zero_range_s,
-        }
-        if self.mount_range_hz is not None:
-            ranges["mount_range_hz"] = self.mount_range_hz
-        _check("GyroscopeSettings", numbers, ranges)
+        numbers = ("gain_error_sd", "white_sd_rad_s", "bias_sd_rad_s", "synchronised_sd_s")
+        ranges = ("lag_range_s", "mount_damping_range", "clock_zero_range_s", "mount_range_hz")
+        _check(self, (*numbers, "clock_rate_sd"), ranges)
         if not self.bias_time_s > 0.0 or (self.mount_range_hz and self.mount_range_hz[0] <= 0.0):
             raise DataError("GyroscopeSettings: expected bias_time_s > 0 and mount_range_hz > 0.")
 
@@ -93,11 +80,7 @@ class GyroscopeSettings:
 def checked_sensors(sensors: Iterable[str]) -> tuple[str, ...]:
     """Return names of sensors in the order of :data:`SENSORS`, each once.
 
-    Raises
-    ------
-    DataError
-        When a name is unknown, or the goniometer, by which pulses are timed and limited, is left
-        out.
+    Raises DataError if one is unknown, or without the goniometer: it times and limits pulses.
     """
     wanted = set(sensors)
     if not {SENSORS[0]} <= wanted <= set(SENSORS):

@@ -277,24 +277,11 @@ def _thigh_angle(cycles: np.ndarray) -> np.ndarray:
 
 
 def thigh_share(person: Person, preset: Preset, cycles: np.ndarray) -> np.ndarray:
-    """Return by how much the thigh turns back when the knee turns.
+    """Return by how much the thigh turns back when the knee turns, 0 to 1, at phases in cycles.
 
     When the knee's flexion deviates from the path by x, the thigh's flexion deviates by share * x
-    and the shank's angle from the vertical by (1 - share) * x, backwards.
-
-    Parameters
-    ----------
-    person : Person
-        Whose.
-    preset : Preset
-        With a body or without.
-    cycles : (n,) float
-        Phase in cycles, 0 to 1.
-
-    Returns
-    -------
-    (n,) float
-        Share of the knee's deviation, 0 to 1; zero for presets without a body.
+    and the shank's angle from the vertical by (1 - share) * x, backwards. Zero for presets without
+    a body.
     """
     if preset.body is None:
         return np.zeros(np.shape(cycles))

@@ -28,22 +28,11 @@ _LARGEST_DEVIATION = 3.0  # sd
 
 
 def internal_moment(person: Person, cycles: np.ndarray) -> np.ndarray:
-    """Return the moment of muscles and ligaments on the shank along the unperturbed path.
+    """Return the moment of muscles and ligaments on the shank along the unperturbed path, N*m.
 
-    Parameters
-    ----------
-    person : Person
-        Whose knee; each person has an own size and timing of the curve.
-    cycles : (n,) float
-        Gait phase in cycles; whole numbers are heel strikes.
+    It is positive in flexion; each person has an own size and timing of the curve. ``cycles`` are
+    gait phases; whole numbers are heel strikes.
 
-    Returns
-    -------
-    (n,) float, N*m
-        Positive in flexion.
-
-    Examples
-    --------
     >>> from jointz.rig.sim.people import draw_person
     >>> moment = internal_moment(draw_person(0, seed=1), np.linspace(0.0, 1.0, 101))
     >>> bool(moment.min() < -20.0), bool(10.0 < moment.max() < 50.0)
