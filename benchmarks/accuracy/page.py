@@ -15,8 +15,8 @@ from benchmarks.worlds.page import foreign_text
 
 #: Methods of stored results that this version replaced.
 FORMER_METHODS = ("rigid",)
-#: Rows with a drawn rank histogram: inside the model class, and outside.
-RANK_ROWS = ("inside", "nominal-lag-0.5ms", "hard-lag-unknown", "anthropometric")
+#: Rows with a drawn rank histogram.
+RANK_ROWS = ("inside",)
 #: Rows in the table of the page; accuracy-rows.csv has all.
 MAIN_ROWS = (
     "nominal-lag-unknown",
@@ -50,7 +50,7 @@ Real gait varies more than that of `nominal` people. After 100 ms two recorded w
 
 - **Truth**: K (with gravity), B and J, averaged over pulses and the 100 ms after the onset.
 - **Available**: estimates with a value (status `ok` or `at_bound`). RMSE, bias and coverage
-  describe only these.
+  are of these.
 - **RMSE**: root mean square of estimate / truth - 1.
 - **Coverage**: share of 95 % intervals that contain the truth. The band is where a true 0.95 would
   be; it accounts for several estimates per person.
@@ -80,8 +80,7 @@ _TARGETS = """## Targets that are not met
 {met} of {n} targets of {method} are met
 ({{download}}`all targets <tables/accuracy-targets.csv>`). Most others are coverages above their
 band: intervals in `nominal` and `hard` rows are 10 to 20 % too wide, because they allow for
-reflexes and varying inertia that these people lack. In people as varied as the priors assume (last
-row of the table) coverage is right.
+reflexes and varying inertia that these people lack.
 """
 _FILES = """## All figures
 
@@ -272,13 +271,11 @@ def _overview(summaries: Sequence[Summary], method: str) -> str:
 def _ranks_text(figures: Sequence[str], method: str) -> str:
     if not figures:
         return ""
-    shown, *others = figures
-    links = ", ".join(f"[{row}](images/accuracy-{row}.svg)" for row in others)
-    more = f" Others: {links}." if links else ""
+    shown = figures[0]
     return (
-        f"Rank of the truth in the posterior of `{method}` (row `{shown}`). The histogram is flat "
-        "if intervals are right, U-shaped if too narrow, peaked if too wide."
-        f"{more}\n\n![rank histograms](images/accuracy-{shown}.svg)\n"
+        f"The figure shows the rank of the truth in the posterior of `{method}` (row `{shown}`): "
+        "flat if intervals are right, U-shaped if too narrow, peaked if too wide.\n\n"
+        f"![rank histograms](images/accuracy-{shown}.svg)\n"
     )
 
 

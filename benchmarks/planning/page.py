@@ -12,16 +12,13 @@ _COLUMNS = (
     "narrow, obtained %",
     "available, predicted %",
     "available, obtained %",
-    "reached %",
 )
 _TEXT = """(accuracy-plans)=
 ## Predictions of plans
 
 The intervals that [`jointz plan`](plan.md) predicts are compared with the analysis of {people}
 `realistic` people, 50 pulses a timing point ({{download}}`csv <tables/planning.csv>`); K / B.
-
-"Narrow" is a half-width of at most 25 %; "reached" is the share of people whose half-width is at
-most the one planned for 80 of 100 legs.
+"Narrow" is a half-width of at most 25 %.
 
 {head}
 {rows}
@@ -67,7 +64,6 @@ def _row(cells: pd.DataFrame, name: str) -> str:
         "obtained_narrow",
         "predicted_decided",
         "obtained_decided",
-        "within_assured",
     )
     shares = [
         " / ".join(f"{100.0 * by[p][c].mean():.0f}" for p in ("stiffness", "damping"))

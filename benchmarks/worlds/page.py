@@ -15,8 +15,8 @@ and nothing was tuned on it ({download}`csv <tables/foreign-world.csv>`).
 | protocol | parameter | available % | failed % | withheld value / truth |
 | --- | --- | --- | --- | --- |"""
 _TEXT = """
-**None of 720 values is available here.** Checks of the model withhold all of them, rightly: the
-withheld values are wrong.
+**None of 720 values is available here**: checks of the model withhold them. Rightly, as the values
+are wrong:
 
 - In stance the whole leg is no second-order system: trunk, foot and sole resonate at 4 to 15 Hz,
   and body weight makes its stiffness negative.
