@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
-from benchmarks.accuracy.page import RANK_ROWS, draw_ranks, page_of, write_tables
+from benchmarks.accuracy.page import FORMER_METHODS, RANK_ROWS, draw_ranks, page_of, write_tables
 from benchmarks.accuracy.rows import Row, all_rows
 from benchmarks.accuracy.runs import Cache, Job, jobs_of, run_jobs
 from benchmarks.accuracy.summaries import read_summaries, summarise, verdicts, write_summary
@@ -70,7 +70,8 @@ def _write_page(results: Path, page: Path, order: Sequence[str]) -> None:
     """Write the page and its tables from every row that has been run, now or earlier."""
     summaries = read_summaries(results, order)
     there = {s["method"] for summary in summaries for s in summary["scores"]}
-    judged = _JUDGED if _JUDGED in there or not there else sorted(there)[0]
+    usual = (_JUDGED, *FORMER_METHODS)
+    judged = next((m for m in (*usual, *sorted(there)) if m in there), _JUDGED)
     by_row = {summary["row"]: summary for summary in summaries}
     drawn = [
         row

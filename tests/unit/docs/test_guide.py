@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-import pytest
 import typer
 
 from jointz.cli.command_line import command_line
@@ -54,29 +52,3 @@ def test_every_option_of_run_is_described_on_its_page():
         option for row in cells("docs/run.md") for option in re.findall(r"`(--[\w-]+)`", row[0])
     }
     assert described == _options(_COMMANDS["run"])
-
-
-#: Row of the page of methods -> row of the benchmark.
-_ACCURACY = {
-    "usual errors, lag unknown": "nominal-lag-unknown",
-    "usual errors, lag known to 0.5 ms": "nominal-lag-0.5ms",
-    "large errors, lag known to 0.5 ms": "hard-lag-0.5ms",
-    "large errors, lag unknown": "hard-lag-unknown",
-    "the leg's whole inertia behind strap and soft tissue, lag unknown": "anthropometric",
-}
-
-
-def accuracy(row: str, method: str) -> pd.DataFrame:
-    """Return what a method makes of a row, over all timing points, by parameter."""
-    table = pd.read_csv(ROOT / "benchmarks" / "accuracy" / "results" / f"{row}.csv")
-    whole = table[(table["method"] == method) & (table["timing_point"] == "all")]
-    return whole.set_index("parameter").loc[["stiffness", "damping", "inertia"]]
-
-
-@pytest.mark.parametrize("name", _ACCURACY)
-def test_the_figures_of_the_page_of_methods_are_those_of_the_benchmark(name):
-    shown = next(row for row in cells("docs/methods.md") if row[0] == name)
-    ours, theirs = (accuracy(_ACCURACY[name], m) for m in ("rigid", "dissertation"))
-    columns = (ours["rmse_pct"], ours["undecided_pct"], theirs["rmse_pct"])
-
-    assert shown[1:] == [" / ".join(f"{x:.0f}" for x in column) + " %" for column in columns]
