@@ -246,7 +246,8 @@ def test_every_channel_and_direction_is_described():
 @pytest.mark.parametrize(
     ("page", "codes"),
     [
-        ("docs/results.md", [*Exclusion, *Failure, *Doubt]),
+        ("docs/results.md", Exclusion),
+        ("docs/refusals.md", [*Failure, *Doubt]),
         ("docs/statistics.md", QuasiStiffnessDoubt),
     ],
 )
