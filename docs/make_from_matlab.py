@@ -38,9 +38,9 @@ fit = jointz.identify_joint(angle=angle, torque=ankle["tau"], rate_hz=500, input
 print(fit.parameter("stiffness").value)
 ```
 
-The file under each table has all rows, plain renames included, with both programs, notes and
-agreement. Of {n} rows {tested} are compared on the same data: {run} in {programs} ({by}),
-{formulas} by the published formula, because Octave lacks the function. MATLAB itself was not run.
+The file under each table has more rows, with both programs, notes and agreement.
+Of {n} rows {tested} are compared on the same data: {run} in {programs} ({by}), {formulas} by the
+published formula, because Octave lacks the function. MATLAB itself was not run.
 """
 _DATA = """\
 Data of all programs (SI units, angles in rad; np is numpy, pd is pandas)

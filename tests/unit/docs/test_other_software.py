@@ -156,7 +156,7 @@ def test_columns_of_the_file_are_those_of_the_frame(results):
 
 
 def test_every_script_can_be_downloaded_from_the_page():
-    page = (DOCS / "other-software.md").read_text(encoding="utf-8")
+    page = (DOCS / "publish.md").read_text(encoding="utf-8")
     linked = re.findall(r"\{download\}`[^<`]+<other_software/([^>]+)>`", page)
 
     assert sorted(linked) == sorted(p.name for p in SCRIPTS.iterdir())
