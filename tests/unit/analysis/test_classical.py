@@ -141,3 +141,16 @@ def test_without_responses_no_kind_of_pulse_is_claimed(held):
     table = first_page(replace(held, comparison=bare))["table"]
     assert "not corrected" in table["classical"]
     assert "simulated people" not in table["classical"]
+
+
+def test_a_study_without_any_own_value_is_drawn_with_classical_ones(held):
+    def cell(one):
+        none = (replace(p, value=None, status="undecided") for p in one.parameters)
+        return replace(one, parameters=tuple(none))
+
+    nobody = replace(held, cells=tuple(map(cell, held.cells)), population=())
+
+    figure = draw_impedance_overview(nobody)
+    labels = [t.get_text() for t in figure.legends[0].get_texts()]
+
+    assert labels == ["classical"]

@@ -491,6 +491,8 @@ def _legend(
     drawn = [
         p for c in analysis.cells for p in c.parameters if p.name in parameters and p.available
     ]
+    if not drawn:
+        return []
     level = f"{100 * drawn[0].ci_level:g} % interval"
     several = len({c.label for c in analysis.cells}) > 1
     dot = {"marker": "o", "markerfacecolor": BLUE, "markeredgecolor": "white"}
