@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jointz.analysis.page.details_tables import models_frame
+from jointz.analysis.page.first_page import first_page
 from jointz.analysis.page.next_measures import instrument_shares, next_measures
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.page.uncertainty_section import grouped, relative_sds, uncertainty_section
@@ -109,6 +110,8 @@ def test_a_doubt_is_the_reason_where_there_are_no_limits():
     assert row["remedy"] == remedy
     assert (row["doubts"], row["parameter"], row["sds"]) == (*doubts, "sensor_delay_s", 2.9)
     assert StudyAnalysis.from_dict(made.to_dict()).log_posteriors[0].unlikely == (late,)
+    assert f"Most frequent reason (3 of 3): S01: {why}." in first_page(made)["said"][0]
+    assert next_measures(made)[0] == (f"M{remedy[1:]}: 3 undecided values contradict the model.")
 
 
 def test_rows_of_one_reason_and_remedy_become_one_that_says_where():

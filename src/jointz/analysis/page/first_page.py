@@ -10,7 +10,7 @@ import numpy as np
 from jointz.analysis.classical import cells_of_both, classical_analysis, classical_note
 from jointz.analysis.page.next_measures import holds_one_torque, next_measures
 from jointz.analysis.page.published_values import published_clause
-from jointz.analysis.page.uncertainty_section import HELD
+from jointz.analysis.page.uncertainty_section import HELD, is_withheld, main_contradiction
 from jointz.analysis.page.value_tables import (
     Row,
     cells_by_person,
@@ -291,8 +291,9 @@ def _why_missing(analysis: StudyAnalysis, cell: CellEstimate, estimate: Paramete
     if estimate.status.startswith("failed"):
         return status_meaning(estimate.status)
     if cell.method in WITH_POSTERIOR:
-        if estimate.ci_low is None:
-            return "the model does not explain the responses"
+        posterior = next((p for p in analysis.log_posteriors if p.label == cell.label), None)
+        if posterior and is_withheld(estimate, posterior):
+            return f"{cell.label}: {main_contradiction(posterior)[0]}"
         if estimate.name != "inertia" and holds_one_torque(analysis, cell):
             return HELD
     return "the interval is too wide"

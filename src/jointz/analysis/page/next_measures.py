@@ -7,7 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from jointz.analysis.page.uncertainty_section import HELD, MEASURES, parts_by_source, relative_sds
+from jointz.analysis.page.uncertainty_section import (
+    HELD,
+    MEASURES,
+    is_withheld,
+    main_contradiction,
+    parts_by_source,
+    relative_sds,
+)
 from jointz.analysis.summary import used_coupling
 from jointz.core.codes import Doubt
 from jointz.report.subjects import nobody_perturbed, shown_parameters, subjects
@@ -61,7 +68,25 @@ def next_measures(analysis: StudyAnalysis) -> list[str]:
     sentences = _ranked(gains, study_counts(analysis).statuses["undecided"]) if gains else []
     if any(holds_one_torque(analysis, cell) for cell in analysis.cells):
         sentences = [_DOUBLETS]
-    return [*sentences[:_MOST], *_after_failures(analysis), *_more_people(analysis)]
+    sentences = [*_checks(analysis), *sentences[:_MOST], *_after_failures(analysis)]
+    return [*sentences, *_more_people(analysis)]
+
+
+def _checks(analysis: StudyAnalysis) -> list[str]:
+    """Say what to check first about the parameters that contradict the model."""
+    posteriors = {p.label: p for p in analysis.log_posteriors}
+    withheld = Counter(
+        main_contradiction(posterior)[1]
+        for cell in analysis.cells
+        for estimate in (cell.parameter(name) for name in ABSOLUTE)
+        if estimate and (posterior := posteriors.get(cell.label))
+        if is_withheld(estimate, posterior)
+    )
+    return [
+        f"{remedy[0].upper()}{remedy[1:]}: {format_count(count, 'undecided value')} "
+        f"{'contradicts' if count == 1 else 'contradict'} the model."
+        for remedy, count in withheld.most_common(_MOST)
+    ]
 
 
 def holds_one_torque(analysis: StudyAnalysis, cell: CellEstimate) -> bool:

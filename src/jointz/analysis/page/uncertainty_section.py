@@ -52,6 +52,7 @@ _REMEDIES: Final[Mapping[str, str]] = {
 _WORTH_NAMING: Final = 0.1
 _MOST_NAMED: Final = 3
 _NOTHING_ALONE: Final = "no single measurement would be enough"
+_CHECK: Final = "check what the reason names"
 _HARDLY: Final = "no single measurement helps by more than a tenth; the best"
 #: Why K and B are undecided after such pulses, however many there are.
 HELD: Final = "K and B are not identifiable from pulses that hold one torque"
@@ -167,10 +168,9 @@ def _row(
         "value": format_number(estimate.unbounded),
         "unit": f"{pretty_unit(estimate.unit)}{_reach(sd)}",
     }
-    doubts = posterior.doubts if posterior else ()
-    if posterior and estimate.ci_low is None and not _AGAINST_NONE.issuperset(doubts):
+    if posterior and is_withheld(estimate, posterior):
         return {**row, "why": _contradictions(posterior), "remedy": remedies(posterior)}
-    if Doubt.HELD_TORQUE.value in doubts and estimate.name != "inertia":
+    if posterior and Doubt.HELD_TORQUE.value in posterior.doubts and estimate.name != "inertia":
         return {**row, "why": HELD, "remedy": _REMEDIES[Doubt.HELD_TORQUE]}
     others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
     why = _too_wide(estimate, sd, others)
@@ -179,6 +179,25 @@ def _row(
 
 def _reach(sd: float | None) -> str:
     return "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
+
+
+def is_withheld(estimate: ParameterEstimate, posterior: LogPosterior) -> bool:
+    """Return whether a doubt about the person's model withholds an estimate and its limits."""
+    undecided = estimate.status == "undecided" and estimate.ci_low is None
+    return undecided and not _AGAINST_NONE.issuperset(posterior.doubts)
+
+
+def main_contradiction(posterior: LogPosterior) -> tuple[str, str]:
+    """Return the parameter that is farthest off, or else the first doubt, and what to check."""
+    if posterior.unlikely:
+        # Errors of any sensor may look like a reflex, too.
+        farthest = max(
+            posterior.unlikely, key=lambda found: (not found.name.startswith("reflex"), found.sds)
+        )
+        return str(farthest), farthest.remedy
+    doubt = next(Doubt(code) for code in posterior.doubts if code not in _AGAINST_NONE)
+    meaning = doubt.meaning.partition(";")[0].partition(":")[0]
+    return meaning, _REMEDIES.get(doubt, _CHECK)
 
 
 def _contradictions(posterior: LogPosterior) -> str:
@@ -191,7 +210,7 @@ def remedies(posterior: LogPosterior) -> str:
     """Say what to check about the parameters and responses that contradict the model."""
     of_doubts = [_REMEDIES[doubt] for doubt in posterior.doubts if doubt in _REMEDIES]
     named = dict.fromkeys([*(found.remedy for found in posterior.unlikely), *of_doubts])
-    return "; ".join(named) or "check what the reason names"
+    return "; ".join(named) or _CHECK
 
 
 def _too_wide(estimate: ParameterEstimate, sd: float | None, others: Sequence[float]) -> str:
