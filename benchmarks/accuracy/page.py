@@ -68,7 +68,7 @@ _LIMITS = """(accuracy-hard-lag-unknown)=
 | rigid coupling stated for a strapped leg (`anthropometric`) | K and B not available in over 90 %, K of the others 47 % too low | state the strap; use doublets |
 | goniometer alone | B 5 to 13 % too high | intervals include 8 % (SD) for it |
 | large errors, lag unknown (`hard`) | J not available in 95 %; of its other intervals, 62 % contain the truth | measure the lag; without it do not use J |
-| velocity reflex of 30 % of K after 30 ms | RMSE of K 10 %; coverage of K and B 0.88 and 0.89 | pulses of both directions ([refusals](refusals.md)) |
+| velocity reflex of 30 % of K after 30 ms | RMSE of K 10 %; coverage of K and B 0.88 and 0.89 | pulses of both directions ([undecided](undecided.md)) |
 | K and B change over the cycle | RMSE of K doubles, intervals widen accordingly | none needed: coverage holds |
 | 3 pulses per timing point | a quarter of K is not available; with 1 pulse over half | more pulses |
 | torque gain wrong | K, B and J wrong by the same factor, unnoticed | calibrate |

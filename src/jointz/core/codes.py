@@ -155,7 +155,7 @@ class Failure(FailureCode):
     )
     ABOVE_BAND = (
         "above_band",
-        "the gain does not fall within the frequencies of the command",
+        "the gain does not drop within the frequencies of the command",
     )
     MASS_MISSING = "mass_missing", "values per kg need the participant's mass_kg in study.toml"
     MASS_UNLIKELY = (
@@ -168,7 +168,7 @@ class Failure(FailureCode):
     )
     TOO_FEW_STUDIES = (
         "too_few_studies",
-        "no study has a mean with an error: each has one person or no value",
+        "no study has a mean with a standard error: each has one person or no value",
     )
     TORQUE_SATURATED = (
         "torque_saturated",
@@ -202,8 +202,8 @@ class Failure(FailureCode):
     )
     SENSORS_DISAGREE = (
         "sensors_disagree",
-        "the sensors of the motion show walking with gains that differ by more than 40 %; the "
-        "wrong one is unknown, or the angle itself",
+        "the sensors of the motion show walking with gains that differ by more than 40 %; it "
+        "is unknown which one is wrong; it may be the angle",
     )
     CLOCKS_DRIFT = "clocks_drift", "the clocks of angle and torque drift apart"
     OUTSIDE_RANGE = (

@@ -248,7 +248,7 @@ def test_every_channel_and_direction_is_described():
     ("page", "codes"),
     [
         ("docs/results.md", Exclusion),
-        ("docs/refusals.md", [*Failure, *Doubt]),
+        ("docs/undecided.md", [*Failure, *Doubt]),
         ("docs/statistics.md", QuasiStiffnessDoubt),
     ],
 )

@@ -22,7 +22,7 @@ from jointz.analysis.page.value_tables import (
 from jointz.analysis.paper.citations import CITATIONS
 from jointz.analysis.summary import SIMULATED, chosen_method, name_range, stiffness_extremes
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.codes import Exclusion
+from jointz.core.codes import Exclusion, Failure
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.method_names import COUPLING_OF, WITH_POSTERIOR
 from jointz.report.subjects import (
@@ -48,19 +48,22 @@ from jointz.report.wording import (
     status_meaning,
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.fit import SYMBOLS
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 from jointz.results.study_counts import study_counts
 
 #: More rows than these would push the rest of the first page off it.
 _MOST_ROWS: Final = 12
 _MOST_WARNINGS: Final = 2
+#: So few missing values are named.
+_MOST_NAMED: Final = 4
 _COUPLINGS: Final = {
     "strap": "strapped to the leg",
     "rigid": "coupled rigidly to the bone",
 }
 _WHAT_K_MEANS: Final = (
-    "K and B apply along the measured motion in the window after the onset, not to small "
-    "displacements at the onset"
+    "K and B are averages over the motion after the onset; the table of each participant has those "
+    "of small displacements at the onset"
 )
 
 
@@ -116,7 +119,11 @@ def _masses(analysis: StudyAnalysis, people: Sequence[str]) -> str:
         return ""
     missing = len(people) - len(masses)
     some = f" ({missing} without)" if missing > 0 else ""
-    return f"body mass {format_span(masses, '{:.0f}'.format)} kg{some}"
+    doubtful = any(
+        p.status == Failure.MASS_UNLIKELY.status for c in analysis.cells for p in c.parameters
+    )
+    doubt = " (doubtful: see the notes)" if doubtful else ""
+    return f"body mass {format_span(masses, '{:.0f}'.format)} kg{some}{doubt}"
 
 
 def _stride_times(analysis: StudyAnalysis) -> str:
@@ -137,7 +144,19 @@ def _pulses(analysis: StudyAnalysis) -> str:
     again = f" {more} {Exclusion.ABORTED.meaning}." if counts.aborted else ""
     return (
         f"{plan}{format_count(counts.used, 'pulse was', 'pulses were')} used and "
-        f"{format_integer(counts.excluded)} excluded.{why}{again}"
+        f"{format_integer(counts.excluded)} excluded.{why}{again}{_sizes(analysis)}"
+    )
+
+
+def _sizes(analysis: StudyAnalysis) -> str:
+    """Say how large pulses and responses are."""
+    used = [abs(p.amplitude) for p in analysis.pulses if not p.code and p.amplitude]
+    motions = [float(np.degrees(c.displacement_rad)) for c in analysis.cells if c.displacement_rad]
+    if not used or not motions or study_spec(analysis).perturbations.source == "angle":
+        return ""
+    return (
+        f" Pulses of {format_span(used, '{:.3g}'.format)} N·m moved the "
+        f"{'load' if subjects(analysis).loads else 'joint'} by up to {max(motions):.1f}°."
     )
 
 
@@ -265,6 +284,12 @@ def _decided(
         "failed": counts.failed,
     }
     parts = ", ".join(f"{count} {words}" for words, count in kinds.items() if count)
+    missing = [
+        f"{SYMBOLS[p.name]} of {c.label} at {point_name(c.timing_point)}"
+        for c, p in estimates
+        if not p.available
+    ]
+    parts += f": {', '.join(missing)}" if 0 < len(missing) <= _MOST_NAMED else ""
     verb = "is" if counts.available == 1 else "are"
     reason = _reason(analysis, estimates)
     return (
@@ -312,8 +337,8 @@ def _means(analysis: StudyAnalysis) -> str:
     extremes = " ".join(["", *stiffness_extremes(shown)])
     if all(decided == total for decided, total in counts.values()):
         return f"All means over {many} can be estimated.{extremes}"
-    texts = [f"{parameter_name(n).lower()} at {a or 'none'} of {b}" for n, (a, b) in counts.items()]
-    return f"Means over {many} can be estimated: {joined(texts)} timing points.{extremes}"
+    texts = [f"{parameter_name(n).lower()} {a} of {b}" for n, (a, b) in counts.items()]
+    return f"Means over {many} available: {joined(texts)} timing points.{extremes}"
 
 
 def _meaning(analysis: StudyAnalysis) -> str:
@@ -325,10 +350,13 @@ def _meaning(analysis: StudyAnalysis) -> str:
     names = {p.name for c in analysis.cells for p in c.parameters}
     shifts = [np.degrees(c.displacement_rad) for c in analysis.cells if c.displacement_rad]
     size = f" of up to {max(shifts):.1f}°" if shifts else ""
-    with_device = "" if _device_inertia_is_known(analysis) else " J includes the device."
+    with_device = (
+        " The device's inertia is subtracted from J."
+        if _device_inertia_is_known(analysis)
+        else " J includes the device."
+    )
     if not names.isdisjoint(AT_ONSET):
-        table = f"which the table of each {subjects(analysis).one} has"
-        return f"{_WHAT_K_MEANS}, {table}.{with_device}"
+        return f"{_WHAT_K_MEANS}.{with_device}"
     return (
         f"K applies to displacements{size} within the window after the onset; small displacements "
         f"may be met by a higher stiffness.{with_device}"

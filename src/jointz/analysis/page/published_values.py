@@ -1,6 +1,7 @@
 """Section of the report that sets estimates beside published values."""
 
 from dataclasses import dataclass
+from functools import partial
 from statistics import fmean, stdev
 from typing import Any, Final
 
@@ -9,7 +10,13 @@ from jointz.core.channels import axis_label
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import chapter4
 from jointz.report.subjects import subjects
-from jointz.report.wording import DASH, format_estimate, format_interval, format_number
+from jointz.report.wording import (
+    DASH,
+    format_estimate,
+    format_interval,
+    format_number,
+    format_span,
+)
 from jointz.results.study_analysis import StudyAnalysis
 
 _COMPARED: Final = ("stiffness_per_mass", "damping_per_mass", "inertia")
@@ -20,6 +27,7 @@ class _Ours:
     """A value of this study: a mean over people, or the estimate of the only one."""
 
     value: float
+    low: float | None  # lower end of its interval
     text: str
 
 
@@ -44,13 +52,19 @@ def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
 def published_clause(analysis: StudyAnalysis) -> str:
     """Return a sentence that compares the stiffness with the published means, or ""."""
     ours = _values(_as_published(analysis), "stiffness_per_mass")
-    ratios = [v.value / _published("stiffness_per_mass", p)[0] for p, v in ours.items()]
+    ratios = {
+        point: own.value / _published("stiffness_per_mass", point)[0]
+        for point, own in ours.items()
+        if own.low is not None and own.low > 0.0  # one that may be zero has no ratio
+    }
     if not ratios:
         return ""
-    low, high = (format_number(x, digits=2) for x in (min(ratios), max(ratios)))
-    span = low if low == high else f"{low} to {high}"
+    span = format_span(ratios.values(), partial(format_number, digits=2))
     kind = "Classical stiffness" if classical_analysis(analysis) else "Stiffness"
-    return f"{kind} per body mass is {span} times the mean of the dissertation's ten participants."
+    return (
+        f"{kind} per body mass is {span} times the mean of the dissertation's ten participants "
+        f"({', '.join(ratios)})."
+    )
 
 
 def _as_published(analysis: StudyAnalysis) -> StudyAnalysis:
@@ -65,14 +79,14 @@ def _values(analysis: StudyAnalysis, name: str) -> dict[str, _Ours]:
     means = [m for m in analysis.population if m.parameter == name and m.n_participants > 1]
     if means:
         return {
-            m.timing_point: _Ours(m.value, format_interval(m.value, m.ci_low, m.ci_high))
+            m.timing_point: _Ours(m.value, m.ci_low, format_interval(m.value, m.ci_low, m.ci_high))
             for m in means
             if m.value is not None and m.timing_point in TIMING_POINTS
         }
     if len({c.label for c in analysis.cells}) != 1:
         return {}
     return {
-        c.timing_point: _Ours(p.value, format_estimate(p))
+        c.timing_point: _Ours(p.value, p.ci_low, format_estimate(p))
         for c in analysis.cells
         if c.timing_point in TIMING_POINTS
         and (p := c.parameter(name)) is not None
