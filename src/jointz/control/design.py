@@ -228,7 +228,7 @@ def design_joint(
     motor: Motor | None = None,
     efficiency: float = 0.6,
 ) -> JointDesign:
-    """Return the requirements of profiles on a joint, and joints that come near them.
+    r"""Return the requirements of profiles on a joint, and joints that come near them.
 
     The torque is the profile's moment along its mean stride. Stiffness, damping and equilibrium do
     not change it, so their intervals do not enter. Intervals (95 %) are percentiles of 200 draws of
@@ -256,8 +256,48 @@ def design_joint(
 
     Notes
     -----
-    All formulas stand in docs/control-design.md. Work is the trapezoid over the periodic phases,
-    stride_s / n times the sum of the power.
+    A profile has n phases :math:`\varphi_i`, angles :math:`\theta_i` and moments :math:`M_i`;
+    indices are periodic, :math:`h` = ``stride_s`` / n, and
+
+    .. math:: v_i = \frac{\theta_{i+1} - \theta_{i-1}}{2h}, \quad
+        a_i = \frac{\theta_{i+1} - 2\theta_i + \theta_{i-1}}{h^2}, \quad P_i = M_i v_i.
+
+    With :math:`x^+ = \max(x, 0)` and :math:`x^- = \min(x, 0)`, ``positive_work`` is
+    :math:`h\sum P_i^+`, ``negative_work`` :math:`h\sum P_i^-` and ``regenerated`` :math:`-\eta`
+    times the latter; :math:`\eta` is the efficiency.
+
+    *Spring and damper.* :math:`T_i = k(\theta_0 - \theta_i) - b v_i` with :math:`k, b \ge 0`,
+    :math:`|\theta_0| \le \pi` and the least :math:`\sum(M_i - T_i)^2`. ``error_rms`` is the RMS of
+    :math:`M_i - T_i`. With the power of the spring, :math:`S_i = k(\theta_0 - \theta_i)v_i`,
+    ``missing_work`` is :math:`h\sum(P_i^+ - S_i^+)^+`.
+
+    *Clutched spring.* For a part of the cycle with nodes a to e (two to n - 1 nodes, round 100 % if
+    necessary), :math:`T_i = k(\theta_a - \theta_i) - b_1 v_i` in the part and :math:`-b_2 v_i`
+    elsewhere. All parts are tried; the one with the least squared error is taken. :math:`S_i = 0`
+    outside the part. With :math:`E_i = \frac12 k(\theta_i - \theta_a)^2` along the part, ``stored``
+    is the sum of its increases, ``returned`` that of its decreases, and ``loss`` is :math:`E_e`.
+
+    *Motor and gear.* For N = 1 to 200, with the constants of the torque model at its gear ratio G,
+    :math:`\omega = Nv` and :math:`s = \mathrm{sign}(v)`, equation 4.1 is solved for the current i:
+
+    .. math:: D = \frac{M}{N} + \frac{J}{G^2} N a + \frac{B}{G^2}\omega + \frac{C}{G}s, \quad
+        i = \frac{D}{k_t - \frac{g}{G}\, s\, \mathrm{sign}(D)}, \quad
+        u = Ri + k_t\omega, \quad p = ui.
+
+    C is Coulomb, g gear and B viscous friction, J inertia, all assumed to be at the motor. A ratio
+    is feasible if the largest and RMS current and the largest voltage keep to the motor's limits.
+    ``motor_energy`` is :math:`h\sum(p_i^+ + \eta p_i^-)`.
+
+    *Intervals.* A draw (``numpy.random.default_rng(0)``) adds :math:`c\,\sigma_i\,g_i` to
+    :math:`M_i`. :math:`\sigma` is ``moment_sd``; c follows from the interval of the profile's work,
+
+    .. math:: c = \frac{\mathrm{high} - \mathrm{low}}
+        {2 \cdot 1.96 \sum\sigma_i|\theta_{i+1} - \theta_{i-1}|/2},
+
+    which is :math:`1/\sqrt{\mathrm{strides}}` for one person; and
+    :math:`g = (z_0 + z_1\cos\varphi + z_2\sin\varphi + z_3\cos2\varphi + z_4\sin2\varphi)/\sqrt3`
+    has SD 1 everywhere. Percentiles 2.5 and 97.5 are stretched to hold the value. ``stride_95`` is
+    the more demanding of the values for :math:`M \pm 1.64485\,\sigma`.
     """
     _check(profiles, efficiency)
     motor = motor or built_in_motor()

@@ -1,4 +1,4 @@
-"""Numbers of `jointz control design`, derived a second time from docs/control-design.md alone."""
+"""Numbers of `jointz control design`, derived a second time from its docstring alone."""
 
 from dataclasses import dataclass
 

@@ -279,7 +279,7 @@ def check_rendering(
     load_inertia: float | None = None,
     share: float = 1.0,
 ) -> RenderingCheck:
-    """Return what an actuator can render of a profile.
+    r"""Return what an actuator can render of a profile.
 
     Parameters
     ----------
@@ -303,6 +303,32 @@ def check_rendering(
     ------
     DataError
         If inertia or share are not positive, or the joint has no default inertia.
+
+    Notes
+    -----
+    The law is torque = :math:`-Kx - B\dot x`. The load has inertia :math:`J_l`; the actuator has
+    inertia :math:`J_a`, viscous friction :math:`b`, lag :math:`T` and delay :math:`D`, which
+    includes half a control period.
+
+    *Stable.* On the border the loop oscillates with :math:`s = j\omega`:
+
+    .. math:: (J_l + J_a) s^2 + b s + (K + B s) H(s) = 0, \quad H(s) = \frac{e^{-sD}}{1 + sT}.
+
+    With a damping B, every stiffness below this border is stable.
+
+    *Passive.* A port with :math:`\operatorname{Re} Z(j\omega) \ge 0` is stable with every passive
+    environment (Colgate and Schenkel 1997). Up to half the control rate
+
+    .. math:: b + \operatorname{Re}\Bigl[\Bigl(B + \frac{K}{j\omega}\Bigr)H(j\omega)\Bigr] \ge 0.
+
+    *Varying.* No profile with changing stiffness is passive with every environment: someone who
+    holds the joint away from its equilibrium while K rises and waits at the equilibrium while K
+    falls gains energy in every cycle, at any damping. Hence the check names the loads. A profile is
+    unsafe if free deviations, :math:`J\ddot x + B(t)\dot x + (K(t) + K_e)x = 0`, grow from stride
+    to stride (largest Floquet multiplier above 1) with an inertia between 0.5 and 2 times the
+    load's, a spring :math:`K_e \ge 0` to ground (up to 10 times the mean K) and a stride time
+    within 20 % of the mean. ``stable`` treats each phase as constant, ``varying`` treats the torque
+    as immediate.
     """
     inertia = default_load_inertia(profile) if load_inertia is None else load_inertia
     if not (0.0 < inertia < np.inf and 0.0 < share <= 1.0):

@@ -112,7 +112,7 @@ STRAP = Coupling(
     fit_s=0.2,
     is_strap=True,
     # Reflex, friction and lag share what B does, so that it was 5 to 14 % too high in every world
-    # that was tried; Laplace's sds: self-simulation, docs/estimator.md.
+    # that was tried; Laplace's sds: self-simulation.
     error=ModelError(share=0.015, floor_rad=np.deg2rad(0.02), sd_inflation=1.1, damping_sd=0.08),
     fewest_for_curve=1,
     twist_sd=0.0,

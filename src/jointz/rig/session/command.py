@@ -106,7 +106,7 @@ def run(
         ),
     ] = False,
     attended: Annotated[
-        bool, typer.Option("--attended", hidden=True, help="A page starts, pauses and stops it.")
+        bool, typer.Option("--attended", help="A page starts, pauses and stops it: jointz console.")
     ] = False,
     calibration: CalibrationOption = None,
     printing: Printing = Printing(),

@@ -227,9 +227,40 @@ class ChainTerms:
 
 
 def chain_terms(person: Person, preset: Preset, cycles: np.ndarray) -> ChainTerms:
-    """Return the terms of the chain at the person's mean stride; zero unless the preset has them.
+    r"""Return the terms of the chain at the person's mean stride; zero unless the preset has them.
 
     In stance there is no stiffness: the inertia there is a curve over phase, not one of posture.
+
+    Notes
+    -----
+    In swing the thigh turns about a fixed hip, shank and foot about the knee; the hip's moment is
+    that of the unperturbed stride. Flexion of the knee is :math:`q`, of the thigh
+    :math:`\varphi`; the shank is :math:`q - \varphi` behind the vertical. Shank and foot have mass
+    m, centre l and inertia I about the knee; the thigh has length L, mass :math:`m_t`, centre
+    :math:`l_t`, and inertia A about the hip, :math:`m L^2` included. With
+    :math:`C = m L l \cos q` and the inertia of the whole leg about the hip,
+    :math:`D = A + I + 2C`, the energies are
+
+    .. math:: T = \tfrac12 D \dot\varphi^2 - (I + C)\,\dot\varphi\dot q + \tfrac12 I \dot q^2,
+        \quad V = -g\,(m_t l_t + m L)\cos\varphi - g\,m l \cos(q - \varphi).
+
+    The momentum about the hip is :math:`p = D\,(\dot\varphi - s\,\dot q)` with the thigh's share
+    :math:`s = (I + C)/D`. With :math:`J = (A I - C^2)/D` and derivatives by q as index, Lagrange's
+    equation of the knee is
+
+    .. math:: J \ddot q + \tfrac12 J_q \dot q^2 - s\,\dot p + \tfrac12 (1/D)_q\,p^2 + V_q = \tau.
+
+    A short torque on the knee does not change p, apart from gravity. For a deviation x of the knee
+    from its path this gives :math:`J\ddot x + \dot J\,\dot x + (K_i + K_g)\,x = \tau` with
+
+    .. math:: K_i = J_q\ddot q + \tfrac12 J_{qq}\dot q^2 - s_q\dot p + \tfrac12 (1/D)_{qq}\,p^2,
+        \quad K_g = (1-s)^2\,m g l\cos(q-\varphi) + s^2 g\,(m_t l_t + m L)\cos\varphi.
+
+    The thigh flexes by s x; over 100 ms this share drifts up by 15 %. In stance the trunk is so
+    heavy that the hip only moves along its line to the ankle. With the shank's length S, the thigh
+    turns by :math:`s = S (S + L\cos q) / (L^2 + S^2 + 2 L S \cos q)` of the knee. The inertia is
+    close to that of the chain with 83 % of the body in the hip at LRE, MST and TST (0.46, 0.28 and
+    0.22 kg*m^2), but not at PSW (1.5), where the other leg takes over the trunk.
     """
     cycles = np.asarray(cycles, dtype=float)
     if preset.body is None or not preset.body.chain:
@@ -243,11 +274,7 @@ def chain_terms(person: Person, preset: Preset, cycles: np.ndarray) -> ChainTerm
 
 
 def _inertial_stiffness(leg: Leg, cycles: np.ndarray, *, stride_s: float) -> np.ndarray:
-    """Return the stiffness that a free leg has because it moves, N*m/rad.
-
-    J_q q'' + J_qq q'^2 / 2 - s_q p' + (1/D)_qq p^2 / 2 with knee q, inertia J, the thigh's share s,
-    the inertia of the whole leg D, and the angular momentum about the hip p = D (thigh' - s q').
-    """
+    """Return the stiffness that a free leg has because it moves, N*m/rad: K_i of `chain_terms`."""
 
     def momentum(c: np.ndarray) -> np.ndarray:
         knee = knee_angle(c)

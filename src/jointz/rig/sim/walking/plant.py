@@ -14,7 +14,7 @@ motor
 
 K, B and J go with phase; :math:`\alpha` is the angle of the shank from the vertical,
 :math:`\Delta g` the change of the limb's gravity torque with x. A body with a chain adds
-:math:`-\dot J\dot x - K_c x` to the right side (docs/leg-model.md). Runge and Kutta's fourth-order
+:math:`-\dot J\dot x - K_c x` to the right side (``chain_terms``). Runge and Kutta's fourth-order
 method with the current and all inputs given exactly at its stages. Between samples the path
 :math:`\theta_0` is the quintic through its values and two derivatives: at 500 Hz it is exact to
 1e-9 rad. Muscles and ligaments give the shank :math:`M_0(phase) - Kx - B\dot x + \tau_v + \tau_r`,
