@@ -63,7 +63,7 @@ def test_counts_are_those_of_the_csv_files(written, capsys):
     assert f"failed:all_pulses_excluded {failed} " in page
     for name in ("stiffness", "damping"):
         means = tables["population"].query("parameter == @name + '_per_mass'")["value"]
-        assert f"{name} per body mass at {means.notna().sum()} of {len(means)}" in page
+        assert f"{name} per body mass {means.notna().sum()} of {len(means)}" in page
 
     capsys.readouterr()
     print_analysis(analysis, folder / "report.html")

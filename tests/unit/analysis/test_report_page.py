@@ -81,7 +81,7 @@ def test_means_that_are_undecided_for_everybody_are_said_to_be(walking):
         for m in walking.population
     )
     first = first_page(replace(walking, population=population))
-    assert any("damping per body mass at none of 6" in text for text in first["said"])
+    assert any("damping per body mass 0 of 6" in text for text in first["said"])
     # The inertia that timing points share has a row without damping.
     assert {row["cells"][1]["text"] for row in first["table"]["rows"]} - {""} == {"undecided"}
 

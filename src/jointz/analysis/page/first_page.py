@@ -289,12 +289,12 @@ def _decided(
         for c, p in estimates
         if not p.available
     ]
-    parts += f": {', '.join(missing)}" if 0 < len(missing) <= _MOST_NAMED else ""
+    named = f" Missing: {', '.join(missing)}." if 0 < len(missing) <= _MOST_NAMED else ""
     verb = "is" if counts.available == 1 else "are"
     reason = _reason(analysis, estimates)
     return (
         f"{counts.available} of {counts.statuses.total()} values of K, B and J {verb} available"
-        f"{f' ({parts})' if parts else ''}.{f' {reason}' if reason else ''}"
+        f"{f' ({parts})' if parts else ''}.{named}{f' {reason}' if reason else ''}"
     )
 
 
