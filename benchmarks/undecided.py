@@ -11,6 +11,7 @@ import argparse
 import re
 from collections import Counter
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -42,7 +43,7 @@ MISTAKES: dict[str, tuple[str, str, Any]] = {
     "rigid coupling": ("three", 'coupling = "strap"', 'coupling = "rigid"'),
     "sign of torque": ("three", 'acts_on = "joint"', 'acts_on = "device"'),
     "torque gain 1.4": ("three", r"torque_gain = \{ value = 1.0", "torque_gain = { value = 1.4"),
-    "angle in degrees": ("three", '(angle = . column = "angle", unit = )"rad"', r'\1"deg"'),
+    "angle gain 1.4": ("three", r"angle_gain = \{ value = 1.0", "angle_gain = { value = 1.4"),
     "encoder late": ("three", r"(joint_encoder_lag_s = .) value = [\d.]+", r"\1 value = 0.015"),
     "goniometer late": (
         "goniometer", "torque_gain =", "angle_lag_s = { value = 0.02, sd = 0.0005 }, torque_gain =",
@@ -117,10 +118,12 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--out", type=Path, default=TABLE)
     asked = parser.parse_args()
-    found = {name: [*reasons(one)] for name, one in simulated(asked.people, asked.seed)}
-    found |= {folder.name: [*reasons(jointz.load(folder))] for folder in asked.results}
-    for name, own in found.items():
-        print(f"{name}: {len(own)} values without an estimate")
+    studies = simulated(asked.people, asked.seed)
+    loaded = ((folder.name, jointz.load(folder)) for folder in asked.results)
+    found = {}
+    for name, analysis in chain(studies, loaded):
+        found[name] = [*reasons(analysis)]
+        print(f"{name}: {len(found[name])} values without an estimate", flush=True)
     table = table_of(found)
     table.to_csv(asked.out, index=False)
     print(table.to_string())

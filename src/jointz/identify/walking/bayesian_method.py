@@ -152,13 +152,14 @@ class _Explained:
     unlikely_lag: UnlikelyParameter | None  # where the responses contradict the calibrated lag
     # responses by shape with fit, and VAF (%), of each timing point
     fits: tuple[tuple[tuple[Response, ...], float], ...]
+    unlike_size: bool  # whether the responses do not grow with the torque
     sensors_contradict: bool  # whether a sensor was left out, or trusted for less
     coupling: Coupling
 
     def doubts(self) -> tuple[set[Doubt], ...]:
         """Return what speaks against the model at each timing point."""
         of_person = {Doubt.LAG_UNLIKELY} if self.unlikely_lag else set()
-        if differs_with_size(self.posterior):
+        if self.unlike_size:
             of_person.add(Doubt.RESPONSES_UNLIKE_SIZE)
         if self.sensors_contradict:
             of_person.add(Doubt.SENSORS_CONTRADICT)
@@ -346,6 +347,7 @@ class _Participant:
             instruments=unlikely_instruments(posterior, coupling.fixed),
             unlikely_lag=_unlikely_lag(model, priors),
             fits=tuple(_fitted(posterior, k) for k in range(len(cells))),
+            unlike_size=differs_with_size(posterior),
             sensors_contradict=bool(self._choice.odd)
             or self._choice.goniometer_gain is not None
             or (coupling.is_strap and set(self._predictor.sensors) < set(self._choice.used)),
