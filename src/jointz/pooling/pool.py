@@ -11,7 +11,7 @@ import pandas as pd
 from scipy.special import ndtri
 
 from jointz.core.codes import Failure, NotPooled
-from jointz.core.errors import DataError, OutputError, StudyError
+from jointz.core.errors import DataError, OutputError, StudyError, install_advice
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct, phase_difference
 from jointz.core.provenance import now, software
 from jointz.io.formats.columns import file_sha256
@@ -251,8 +251,8 @@ def check_out(out: Path, paths: Sequence[Path], *, overwrite: bool) -> None:
         import pyarrow  # noqa: F401 - is it installed?
     except ImportError as exc:
         raise DataError(
-            "pool writes estimates.parquet with pyarrow, which is not installed. Install it: "
-            'pip install "jointz[parquet]".'
+            "pool writes estimates.parquet with pyarrow, which is not installed. "
+            f"{install_advice('parquet')}"
         ) from exc
     if any(out.resolve().is_relative_to(path.resolve()) for path in paths):
         raise OutputError(
