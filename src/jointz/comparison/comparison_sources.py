@@ -18,6 +18,7 @@ from jointz.core.method_names import PRESENT_NAMES, present_settings
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable, file_sha256
 from jointz.io.formats.registry import list_columns, read_table
+from jointz.io.relative_paths import distinct_names
 from jointz.io.small_files import LARGEST_RESULTS, read_json
 from jointz.reference.chapter4 import NUMERICALLY_ZERO, participant_table
 from jointz.report.wording import PER_MASS
@@ -143,14 +144,8 @@ def result_paths(sources: Sequence[str | os.PathLike[str]]) -> list[Path | None]
 
 def _names(paths: Sequence[Path | None]) -> list[str]:
     """Name folders by the shortest distinct ends of their paths, never ``published``."""
-    parts = [None if path is None else path.resolve().parts for path in paths]
-    longest = max((len(p) for p in parts if p), default=1)
-    for length in range(1, longest + 1):
-        names = [PUBLISHED if p is None else "/".join(p[-length:]) for p in parts]
-        reserved = any(p and name == PUBLISHED for p, name in zip(parts, names, strict=True))
-        if len(set(names)) == len(names) and not reserved:
-            break
-    return names
+    names = iter(distinct_names([path for path in paths if path is not None], taken=PUBLISHED))
+    return [PUBLISHED if path is None else next(names) for path in paths]
 
 
 def published_results() -> Results:

@@ -7,7 +7,6 @@ from jointz.comparison.comparison_result import Comparison
 from jointz.comparison.comparison_text import (
     adjusted_p,
     equivalence_text,
-    has_effects,
     p_text,
     people_text,
 )
@@ -23,9 +22,6 @@ from jointz.report.wording import (
     point_name,
 )
 from jointz.results.statistics.comparison_rows import (
-    GROUPS,
-    PAIRED,
-    POOLED,
     Difference,
     FactorTest,
     Repeatability,
@@ -35,19 +31,6 @@ from jointz.results.statistics.comparison_rows import (
 _WARNING: Final = "WARNING: "
 _HASH_DIGITS: Final = 12
 _ALPHA: Final = 0.05
-
-_PAIRS: Final = {
-    PAIRED: "; each pair has its own error, with p adjusted over all pairs.",
-    POOLED: "; all pairs share the error of the model.",
-}
-_EFFECTS: Final = {
-    "g_z": "g_z: mean over standard deviation of the differences of the same people.",
-    "g": "g: difference of groups over their pooled standard deviation.",
-    "d_z": "d_z: difference over the standard deviation of the people's true differences, without "
-    "errors of measurement.",
-    "d": "d: difference over the standard deviation of the people of a group, without errors of "
-    "measurement.",
-}
 
 _Row = dict[str, Any]
 
@@ -60,20 +43,21 @@ def render_comparison(comparison: Comparison, figures: Mapping[str, str]) -> str
         "comparison.html.j2",
         title=_title(comparison),
         about=[str(v) for key, v in comparison.provenance.items() if key == "created"],
-        lead=_lead(comparison),
+        designs={d.design for d in comparison.differences},
         facts=_facts(comparison),
         warnings=[n.removeprefix(_WARNING) for n in comparison.notes if n.startswith(_WARNING)],
         notes=[n for n in comparison.notes if not n.startswith(_WARNING)],
-        figures=page_figures(
-            (name, svg, "", _caption(name, comparison)) for name, svg in figures.items()
-        ),
+        figures=page_figures((name, svg, "", "") for name, svg in figures.items()),
+        published=any(s.published for s in comparison.sources)
+        or any(r.value is not None for r in comparison.references),
         single=single,
         level=f"{100 * comparison.ci_level:g} %",
         margin=margin,
         means=_by_parameter(comparison.means, _mean),
         several=len({(d.first, d.second) for d in comparison.differences}) > 1,
         contrast=_contrast(comparison),
-        effects=_effects(comparison),
+        effects={d.effect for d in comparison.differences} - {""},
+        adjusted=comparison.adjusted,
         adjusted_p=adjusted_p(comparison),
         df=_df(comparison),
         differences=_by_parameter(
@@ -101,43 +85,9 @@ def _contrast(comparison: Comparison) -> str:
     return f"{first} {MINUS} {second}"
 
 
-def _effects(comparison: Comparison) -> str:
-    """Explain the effect sizes of the table."""
-    if not has_effects(comparison):
-        return ""
-    shown = {d.effect for d in comparison.differences}
-    texts = [words for name, words in _EFFECTS.items() if name in shown]
-    if shown & {"g", "g_z"}:
-        texts.append(
-            "g: with Hedges\N{RIGHT SINGLE QUOTATION MARK} correction and the interval of the "
-            "noncentral t distribution."
-        )
-    if len(shown - {""}) > 1:
-        texts.append("Effects of different names are not comparable.")
-    return " ".join(texts)
-
-
 def _df(comparison: Comparison) -> str:
     methods = {t.fit.df_method for t in comparison.tests if t.fit is not None}
     return "Satterthwaite" if methods == {"satterthwaite"} else "Kenward and Roger"
-
-
-def _lead(comparison: Comparison) -> str:
-    text = "n is the number of people; pulses and resamples of one person do not count as people. "
-    designs = {d.design for d in comparison.differences}
-    if len(comparison.sources) == 1:
-        return text + (
-            "A mixed model with participants as a random factor tests whether timing points differ"
-            + _PAIRS.get(next(iter(designs), ""), ".")
-        )
-    text += "Differences are first minus second. "
-    if PAIRED in designs:
-        text += "The same people are compared with themselves. "
-    if GROUPS in designs:
-        text += "Different people are compared as groups. "
-    return text + (
-        "A difference that is not significant is no evidence of equality: consider its interval."
-    )
 
 
 def _facts(comparison: Comparison) -> list[tuple[str, str]]:
@@ -153,38 +103,6 @@ def _facts(comparison: Comparison) -> list[tuple[str, str]]:
     if n := comparison.n_missing:
         facts.append((str(n), f"{'value' if n == 1 else 'values'} missing, listed in the notes"))
     return facts
-
-
-def _caption(name: str, comparison: Comparison) -> str:
-    level = f"{100 * comparison.ci_level:g}"
-    if name == "means":
-        people = "Thin lines: people."
-        if len(comparison.sources) > 1:
-            paired = any(d.design == PAIRED for d in comparison.differences)
-            people = f"Dots: people{'; lines join those of the same person' if paired else ''}."
-        texts = [f"Mean over people with {level} % interval.", people]
-        if any(r.value is not None for r in comparison.references) or any(
-            s.published for s in comparison.sources
-        ):
-            texts.append(
-                "Open triangles: the dissertation\N{RIGHT SINGLE QUOTATION MARK}s people, some of "
-                "whose values are at a bound."
-            )
-        if any(r.value is None for r in comparison.references):
-            texts.append(
-                "Grey boxes: ranges that the dissertation states in words for other studies."
-            )
-        return " ".join(texts)
-    text = (
-        f"Differences with {level} % interval, each for one difference. Filled: p below 0.05, "
-        f"{comparison.adjusted} over all differences of the parameter."
-    )
-    if comparison.margin_pct is not None and len(comparison.sources) > 1:
-        text += (
-            f" Boxes: {comparison.margin_pct:g} % of the second mean. Two means are equivalent if "
-            "the 90 % interval, which is shorter than the one drawn, is inside the box."
-        )
-    return text
 
 
 def _by_parameter(rows: Sequence[Any], cells: Callable[[Any], _Row]) -> list[_Row]:

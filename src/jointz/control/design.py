@@ -11,6 +11,7 @@ from jointz.control.impedance_profile import ImpedanceProfile
 from jointz.control.motor import LIMITS, RATIOS, GearTable, Motor, built_in_motor, gear_table
 from jointz.control.passive_joint import ClutchFit, PassiveFit, fit_clutch, fit_passive
 from jointz.core.errors import DataError
+from jointz.report.html_page import render_paragraphs
 from jointz.results.base import Array, PlottedResult, record_frame, summary_text
 from jointz.results.estimates import ONE_SIDED_95, REACH_95
 from jointz.results.figure_style import BLUE, INK, MUTED, ORANGE, VERMILION, Axes, Figure
@@ -428,6 +429,12 @@ def _best(feasible: np.ndarray, energy: np.ndarray) -> float | None:
     return float(RATIOS[np.argmin(np.where(feasible, energy, np.inf))])
 
 
+_SPREAD = (
+    ("largest torque", "torque_max"),
+    ("smallest", "torque_min"),
+    ("largest power", "power_max"),
+    ("smallest", "power_min"),
+)
 _HEADS = ("torque, N*m", "RMS", "power, W", "work +, J", "work -, J", "net, J", "stored, J")
 _ROW = "{:<14}{:>16}{:>8}{:>16}{:>11}{:>11}{:>9}{:>11}"
 
@@ -443,61 +450,16 @@ def _requirements(design: ProfileDesign) -> str:
 
 
 def _solutions(design: ProfileDesign) -> list[str]:
-    of = {q.quantity: q.value for q in design.quantities}
-    return [
-        _spread_text(design),
-        f"spring and damper: {of['passive_stiffness']:.4g} N*m/rad, rest at "
-        f"{of['passive_rest_angle']:.3g} rad, {of['passive_damping']:.3g} N*m*s/rad; error "
-        f"{of['passive_error_share']:.0%} of the RMS torque, {of['passive_missing_work']:.3g} J of "
-        "positive work missing",
-        _clutch_text(of),
-        _gear_text(design, of),
-    ]
-
-
-def _clutch_text(of: Mapping[str, float]) -> str:
-    if of["clutch_stiffness"] == 0.0:
-        return "clutched spring: none helps"
-    return (
-        f"clutched spring: {of['clutch_stiffness']:.4g} N*m/rad from {of['clutch_engaged']:g} to "
-        f"{of['clutch_released']:g} %, damper {of['clutch_damping_engaged']:.3g} there, "
-        f"{of['clutch_damping_free']:.3g} N*m*s/rad elsewhere; error "
-        f"{of['clutch_error_share']:.0%}, {of['clutch_missing_work']:.3g} J missing; stores "
-        f"{of['clutch_stored']:.3g} J, returns {of['clutch_returned']:.3g} J, loses "
-        f"{of['clutch_loss']:.3g} J at release"
-    )
-
-
-def _spread_text(design: ProfileDesign) -> str:
-    at = {q.quantity: q for q in design.quantities}
-    parts = [
-        f"{name} {at[key].low:.3g} to {at[key].high:.3g} {at[key].unit} "
-        f"(95 % of strides: {at[key].stride_95:.3g})"
-        for name, key in (
-            ("largest torque", "torque_max"),
-            ("smallest", "torque_min"),
-            ("largest power", "power_max"),
-            ("smallest", "power_min"),
-        )
-    ]
-    return f"intervals: {'; '.join(parts)}"
-
-
-def _gear_text(design: ProfileDesign, of: Mapping[str, float]) -> str:
-    if "gear_ratio" in of:
-        reach = next(q for q in design.quantities if q.quantity == "motor_current_max").stride_95
-        return (
-            f"motor: gear ratios {of['gear_ratio_low']:g} to {of['gear_ratio_high']:g}; least "
-            f"energy at {of['gear_ratio']:g}: {of['motor_energy']:.3g} J a stride, "
-            f"{of['motor_current_max']:.3g} A (95 % of strides: {reach:.3g} A)"
-        )
+    """Return a line each: intervals, spring and damper, clutched spring, motor."""
+    quantities = {q.quantity: q for q in design.quantities}
     nearest = int(np.argmin(design.load_by_ratio.max(axis=0)))
-    over = ", ".join(
-        f"{name} {100.0 * load:.0f} % of its limit"
-        for name, load in zip(LIMITS, design.load_by_ratio[:, nearest], strict=True)
-        if load > 1.0
+    return render_paragraphs(
+        "joint_design.txt.j2",
+        q=quantities,
+        spread=[(name, quantities[key]) for name, key in _SPREAD],
+        nearest=RATIOS[nearest],
+        loads=dict(zip(LIMITS, design.load_by_ratio[:, nearest], strict=True)),
     )
-    return f"motor: no gear ratio can do it; the nearest is {RATIOS[nearest]:g}: {over}"
 
 
 def draw_design(canvas: "Figure", design: JointDesign) -> None:

@@ -23,6 +23,11 @@ from collections.abc import Sequence
 from typing import Any
 
 
+def install_advice(extra: str) -> str:
+    """Return how to install the libraries of an extra of jointz."""
+    return f'Install it: pip install "jointz[{extra}]".'
+
+
 class JointzError(Exception):
     """Base of all errors that jointz raises on purpose; catch it to handle any of them."""
 

@@ -15,7 +15,7 @@ from jointz.io.new_folder import MARKER, new_folder, write_marker
 from jointz.planning.plan_result import LETTERS, Plan, PlannedEstimate, PlannedMeasure, PlannedShape
 from jointz.report.html_page import page_figures, render_template
 from jointz.report.style import new_figure, to_svg
-from jointz.report.wording import DASH, MINUS, joined, point_name
+from jointz.report.wording import DASH, MINUS, point_name
 from jointz.results.estimates import WIDEST
 from jointz.results.figure_style import BLUE, VERMILION, Figure, figure_style
 
@@ -105,24 +105,23 @@ def _draw_pulses(plan: Plan, figure: "Figure") -> None:
 def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
     """Write a plan as one HTML page with its figures and styles inside."""
     share = f"{100.0 * float(plan.wishes.get('share', 0.8)):.0f}"
-    captions = {
-        "half_widths": f"Half of the 95 % interval. Dot: typical leg. Bar: from a typical leg with "
-        f"any number of pulses to what {share} of 100 legs do not exceed.",
-        "pulses": "Commanded torque of the pulses, all sizes; blue: first level positive, orange: "
-        "negative.",
-    }
+    wish = plan.wishes.get("half_width_pct")
     return render_template(
         "plan.html.j2",
         title=f"{'What this study could see' if plan.recorded else 'Plan'}: {plan.protocol}",
         about=[str(plan.provenance.get("created", ""))],
-        lead=_lead(plan),
+        pulses=plan.pulses,
+        sensors=plan.sensors,
+        window_ms=f"{1000.0 * plan.window_s:.0f}",
+        walking=plan.walking,
         facts=_facts(plan),
         notes=plan.notes,
         share=share,
-        figures=page_figures((n, svg, "", captions[n]) for n, svg in figures.items()),
+        figures=page_figures((name, svg, "", "") for name, svg in figures.items()),
         reached=bool(plan.reached),
         legs=plan.provenance.get("legs", ""),
-        wish=_wish(plan),
+        wish="" if wish is None else f"{wish:g}",
+        letters=[LETTERS[name] for name in plan.wishes.get("parameters", ())],
         points=[_point(plan, e) for e in plan.estimates],
         source_names=list(next(iter(plan.sources.values()), {})),
         sources=[
@@ -156,23 +155,6 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
         ],
         protocol=plan.protocol_text,
     )
-
-
-def _lead(plan: Plan) -> str:
-    return (
-        f"{plan.pulses[0].upper()}{plan.pulses[1:]}; {joined(plan.sensors)}; analysed over "
-        f"{1000.0 * plan.window_s:.0f} ms. Walking: {plan.walking}."
-    ).replace("N*m", "N·m")
-
-
-def _wish(plan: Plan) -> str:
-    """Return the wanted half-width, "" without one."""
-    wish = plan.wishes.get("half_width_pct")
-    if wish is None:
-        return ""
-    letters = joined([LETTERS[name] for name in plan.wishes["parameters"]])
-    share = 100.0 * float(plan.wishes["share"])
-    return f"Wanted: {letters} to {wish:g} % in {share:.0f} of 100 legs. This is kept."
 
 
 def _facts(plan: Plan) -> list[tuple[str, str]]:

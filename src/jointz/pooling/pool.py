@@ -11,16 +11,17 @@ import pandas as pd
 from scipy.special import ndtri
 
 from jointz.core.codes import Failure, NotPooled
-from jointz.core.errors import DataError, OutputError, StudyError
+from jointz.core.errors import DataError, OutputError, StudyError, install_advice
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct, phase_difference
 from jointz.core.provenance import now, software
 from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import MARKER, POOL, check_free, new_folder, write_marker
+from jointz.io.relative_paths import distinct_names
 from jointz.pooling.conditions import CONDITION_COLUMNS, Condition, read_conditions
 from jointz.pooling.page import draw_forests, render_pool
 from jointz.pooling.plain_tables import typed_table
 from jointz.pooling.pooled_result import COLUMNS, COUNTS, ONE_STUDY, UNDECIDED, PooledStudies
-from jointz.pooling.results_folders import AVAILABLE, ResultsFolder, folder_names, read_folder
+from jointz.pooling.results_folders import AVAILABLE, ResultsFolder, read_folder
 from jointz.report.wording import ABSOLUTE, ALL_PARAMETERS, format_count
 from jointz.results.base import plain
 from jointz.results.estimates import FEWEST_PEOPLE
@@ -251,8 +252,8 @@ def check_out(out: Path, paths: Sequence[Path], *, overwrite: bool) -> None:
         import pyarrow  # noqa: F401 - is it installed?
     except ImportError as exc:
         raise DataError(
-            "pool writes estimates.parquet with pyarrow, which is not installed. Install it: "
-            'pip install "jointz[parquet]".'
+            "pool writes estimates.parquet with pyarrow, which is not installed. "
+            f"{install_advice('parquet')}"
         ) from exc
     if any(out.resolve().is_relative_to(path.resolve()) for path in paths):
         raise OutputError(
@@ -272,7 +273,7 @@ def _read(
     again = [path for k, path in enumerate(paths) if places[k] in places[:k]]
     problems = [f"{path}: named twice. Name each folder once." for path in again]
     paths = [path for k, path in enumerate(paths) if places[k] not in places[:k]]
-    names = folder_names(paths)
+    names = distinct_names(paths)
     conditions = [Condition(name) for name in names]
     if conditions_file is not None:
         conditions = read_conditions(conditions_file, paths, names, problems)

@@ -1,6 +1,6 @@
 """Results folders to pool: estimates, provenance, and what a study's people share."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -87,17 +87,6 @@ class ResultsFolder:
     def groups(self) -> dict[str, str]:
         """The groups of participants by the study file."""
         return {str(p["id"]): str(p.get("group") or "") for p in self.study["participants"]}
-
-
-def folder_names(paths: Sequence[Path]) -> list[str]:
-    """Name folders by the shortest distinct ends of their paths."""
-    parts = [path.resolve().parts for path in paths]
-    names: list[str] = []
-    for length in range(1, max(map(len, parts), default=0) + 1):
-        names = ["/".join(part[-length:]) for part in parts]
-        if len(set(names)) == len(names):
-            break
-    return names
 
 
 def read_folder(path: Path, name: str) -> ResultsFolder:

@@ -21,6 +21,7 @@ from jointz.report.wording import (
     status_meaning,
 )
 
+_BETWEEN_PARAGRAPHS: Final = re.compile("\n{2,}")
 _ID: Final = re.compile(r'\bid="([^"]+)"')
 _REFERENCE: Final = re.compile(r'(href="#|url\(#)([^")]+)')
 _SVG_SIZE: Final = re.compile(r'(<svg[^>]*?) width="[^"]*" height="[^"]*"')
@@ -42,6 +43,15 @@ _FILTERS: Final = {
 def render_template(template: str, **values: Any) -> str:
     """Fill in a template of the report; text of the user stays text."""
     return _environment().get_template(template).render(dash=DASH, **values)
+
+
+def render_paragraphs(template: str, **values: Any) -> list[str]:
+    """Fill in a template of a text; an empty line begins a paragraph, other line ends are spaces.
+
+    A template without any text has no paragraph.
+    """
+    blocks = _BETWEEN_PARAGRAPHS.split(render_template(template, **values).strip("\n"))
+    return [block.replace("\n", " ") for block in blocks if block]
 
 
 @cache

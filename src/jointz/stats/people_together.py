@@ -220,10 +220,6 @@ class PopulationModel:
         return np.asarray(np.sqrt((x - y) ** 2 * common + (x**2 + y**2) * own))
 
 
-#: Former name.
-PeopleTogether = PopulationModel
-
-
 def _share(true: np.ndarray) -> float:
     """Return the share of draws; never less than one of them."""
     return float(max(true.mean(), 1.0 / true.size))

@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from jointz.core.errors import DataError, EngineError
+from jointz.core.errors import DataError, EngineError, install_advice
 from jointz.core.provenance import software
 from jointz.tasks.engine import Engine, engine_errors
 from jointz.tasks.process_pool import cores, refuse_script_without_guard
@@ -40,7 +40,7 @@ _OWN_CLUSTER = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
 }
-_NOT_INSTALLED = 'which is not installed. Install it: pip install "jointz[scale]".'
+_NOT_INSTALLED = f"which is not installed. {install_advice('scale')}"
 
 
 class Cluster(Engine):

@@ -11,7 +11,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, install_advice
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -88,7 +88,7 @@ def require_app() -> None:
         import nicegui  # noqa: F401 - only to check that it is installed
     except ImportError as exc:
         raise DataError(
-            'pages need NiceGUI, which is not installed. Install it: pip install "jointz[app]".'
+            f"pages need NiceGUI, which is not installed. {install_advice('app')}"
         ) from exc
 
 

@@ -66,5 +66,5 @@ def test_without_pyarrow_the_extra_is_named(path, monkeypatch):
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without_arrow)
-    with pytest.raises(DataError, match=r"pip install 'jointz\[parquet\]'"):
+    with pytest.raises(DataError, match=r'pip install "jointz\[parquet\]"'):
         list_columns(path, PLAIN)

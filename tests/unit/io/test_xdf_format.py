@@ -206,7 +206,7 @@ def test_a_recording_that_was_not_closed_and_texts_that_are_no_utf8_are_told(
 
 def test_without_pyxdf_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyxdf", None)
-    with pytest.raises(DataError, match=r"pip install 'jointz\[formats\]'"):
+    with pytest.raises(DataError, match=r'pip install "jointz\[formats\]"'):
         read(TWO_STREAMS, tmp_path)
 
 

@@ -1,15 +1,10 @@
 """Methods section of a paper, from the settings and the data."""
 
-import re
-from typing import Final
-
 from jointz.analysis.paper.citations import cite, cited
 from jointz.analysis.paper.latex import to_latex
 from jointz.analysis.paper.methods_facts import methods_facts
-from jointz.report.html_page import render_template
+from jointz.report.html_page import render_paragraphs
 from jointz.results.study_analysis import StudyAnalysis
-
-_BETWEEN_PARAGRAPHS: Final = re.compile("\n{2,}")
 
 
 def methods_paragraphs(analysis: StudyAnalysis) -> list[str]:
@@ -17,8 +12,7 @@ def methods_paragraphs(analysis: StudyAnalysis) -> list[str]:
 
     It contains only what settings and data say.
     """
-    text = render_template("methods.txt.j2", cite=cite, **methods_facts(analysis)).strip("\n")
-    return [block.replace("\n", " ") for block in _BETWEEN_PARAGRAPHS.split(text)]
+    return render_paragraphs("methods.txt.j2", cite=cite, **methods_facts(analysis))
 
 
 def methods_text(analysis: StudyAnalysis) -> str:

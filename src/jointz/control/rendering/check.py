@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from jointz.control.draws import drawn_curves
 from jointz.control.impedance_profile import ImpedanceProfile
 from jointz.control.rendering.actuators import Actuator
 from jointz.control.rendering.varying import (
@@ -20,8 +19,11 @@ from jointz.control.rendering.varying import (
 from jointz.core.errors import DataError
 from jointz.reference.body_segments import leg_beyond
 from jointz.results.base import Array, Axes, PlottedResult, record_frame, summary_text
+from jointz.results.estimates import REACH_95
 from jointz.results.figure_style import BLUE, GREEN, INK, MUTED, SKY
 
+#: Draws that intervals of derived figures rest on, and their seed.
+_DRAWS, _SEED = 200, 46
 #: Halvings of an interval of frequencies: to 1e-12 of it.
 _HALVINGS = 40
 #: Frequencies at which passivity is tested, logarithmic and even.
@@ -32,6 +34,18 @@ _AT_ONCE = 100
 _POWER = 0.99
 #: Body height of a profile, which has none, m.
 _HEIGHT_M = 1.74
+
+
+def _drawn_curves(profile: ImpedanceProfile) -> tuple[np.ndarray, np.ndarray]:
+    """Return draws of stiffness and damping, (200, n) each.
+
+    Errors are alike at all phases: a curve lies high or low as a whole. Both are log-normal and
+    independent of each other.
+    """
+    z = np.random.default_rng(_SEED).standard_normal((2, _DRAWS, 1))
+    spread_k = np.log(profile.stiffness_high / profile.stiffness_low) / (2.0 * REACH_95)
+    spread_b = np.log(profile.damping_high / profile.damping_low) / (2.0 * REACH_95)
+    return profile.stiffness * np.exp(z[0] * spread_k), profile.damping * np.exp(z[1] * spread_b)
 
 
 def default_load_inertia(profile: ImpedanceProfile) -> float:
@@ -336,7 +350,7 @@ def check_rendering(
             f"expected a load inertia > 0 kg*m^2 and a share above 0 and up to 1, got {inertia:g} "
             f"and {share:g}."
         )
-    drawn_stiffness, drawn_damping = (share * one for one in drawn_curves(profile))
+    drawn_stiffness, drawn_damping = (share * one for one in _drawn_curves(profile))
     # The profile itself is the first row.
     stiffness = np.vstack([share * profile.stiffness, drawn_stiffness])
     damping = np.vstack([share * profile.damping, drawn_damping])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, install_advice
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import (
     RawTable,
@@ -169,9 +169,7 @@ def _arrow(path: Path) -> Any:
         import pyarrow as pa
         import pyarrow.parquet
     except ImportError as exc:
-        raise file_error(
-            path, "parquet files need pyarrow. Install it: pip install 'jointz[parquet]'."
-        ) from exc
+        raise file_error(path, f"parquet files need pyarrow. {install_advice('parquet')}") from exc
     return pa
 
 

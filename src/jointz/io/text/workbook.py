@@ -11,7 +11,7 @@ from typing import IO, Any
 from xml.parsers import expat
 
 from jointz.core.acquisition import Acquisition, SignalGroup
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, install_advice
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import damage_errors, file_error
 from jointz.io.formats.group_format import GroupFormat
@@ -85,9 +85,7 @@ def _openpyxl(path: Path) -> Any:
     try:
         import openpyxl
     except ImportError as exc:
-        raise file_error(
-            path, 'workbooks need openpyxl. Install it: pip install "jointz[formats]".'
-        ) from exc
+        raise file_error(path, f"workbooks need openpyxl. {install_advice('formats')}") from exc
     return openpyxl
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, install_advice
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import damage_errors, damaged, file_error
 from jointz.io.formats.group_format import GroupFormat
@@ -103,9 +103,7 @@ def _load(path: Path, content: bytes) -> _Loaded:
     try:
         import pyxdf
     except ImportError as exc:
-        raise file_error(
-            path, "XDF files need pyxdf. Install it: pip install 'jointz[formats]'."
-        ) from exc
+        raise file_error(path, f"XDF files need pyxdf. {install_advice('formats')}") from exc
     with (
         damage_errors(path, *_LIBRARY_ERRORS),
         _collected_warnings("pyxdf.pyxdf") as records,
@@ -123,7 +121,7 @@ def _load(path: Path, content: bytes) -> _Loaded:
         raise file_error(
             path,
             "XDF files need pyxdf 1.17.2 or newer, with numpy 2; found an older one. Update it: "
-            "pip install --upgrade 'jointz[formats]'.",
+            'pip install --upgrade "jointz[formats]".',
         )
     unused = [match for record in records if (match := _UNUSED.match(record.getMessage()))]
     by_number = {int(stream["info"]["stream_id"]): stream for stream in streams}

@@ -13,6 +13,8 @@ from scipy import fft
 #: Points of the Blackman-Tukey frequency grid in one width of resolution.
 _GRID_POINTS = 16
 _TINY = np.finfo(float).tiny
+#: Probability with which unrelated records stay below the threshold of the coherence.
+_COHERENCE_LEVEL = 0.99
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +55,15 @@ class CrossSpectra:
         return np.asarray(np.sqrt((1.0 - c) / (2.0 * self.n_averages * c)))
 
 
-def coherence_threshold(n_averages: float, *, level: float = 0.99) -> float:
-    """Return the coherence that unrelated records exceed with probability 1 - level.
+def coherence_threshold(n_averages: float) -> float:
+    """Return the coherence that unrelated records exceed with a probability of 1 %.
 
-    For one frequency, ``n_averages`` independent averages: 1 - (1 - level)^(1/(n - 1)). Carter,
+    For one frequency, ``n_averages`` independent averages: 1 - 0.01^(1/(n - 1)). Carter,
     Knapp and Nuttall 1973, doi:10.1109/TAU.1973.1162496.
     """
     if n_averages <= 1.0:
         return 1.0
-    return float(1.0 - (1.0 - level) ** (1.0 / (n_averages - 1.0)))
+    return float(1.0 - (1.0 - _COHERENCE_LEVEL) ** (1.0 / (n_averages - 1.0)))
 
 
 def welch(x: np.ndarray, y: np.ndarray, *, rate_hz: float, window_s: float) -> CrossSpectra:

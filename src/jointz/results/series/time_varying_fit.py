@@ -10,7 +10,6 @@ import pandas as pd
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.results.base import Axes, ParameterResult, summary_text
 from jointz.results.series.frequency_response_curve import INK, MODEL
-from jointz.results.series.impulse_response_fit import RESPONSE_UNITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,11 +127,6 @@ class TimeVaryingFit(ParameterResult[ParameterCurve]):
     def resolution_pct(self) -> float:
         """Length of a segment in % of the mean stride: finer detail runs together."""
         return 100.0 * self.segment_s / self.stride_s
-
-    @property
-    def response_unit(self) -> str:
-        """Unit of the impulse responses."""
-        return RESPONSE_UNITS[self.response_of]
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter and phase; the responses are ``responses``."""

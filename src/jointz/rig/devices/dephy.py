@@ -26,7 +26,6 @@ import logging
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from math import isfinite
 from typing import Any
 
 from jointz.core.clock import Clock
@@ -41,6 +40,7 @@ from jointz.rig.devices.driver_base import (
     UNCONFIGURED,
     DriverBase,
     load_library,
+    refuse_infinite,
 )
 from jointz.rig.devices.drivers import Driver
 from jointz.rig.devices.interface import Actuator, ActuatorDescription, ActuatorSample
@@ -233,8 +233,7 @@ class DephyActPack(DriverBase):
         device, and to less the warmer the winding is.
         """
         self._require(ACTIVE)
-        if not isfinite(torque_nm):
-            raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
+        refuse_infinite(self._name, torque_nm)
         largest = self._spec.limits.current_a * self._winding.share
         wanted = torque_nm / self._torque_per_ampere
         milliamperes = self._units.milliamperes(max(-largest, min(largest, wanted)))

@@ -2,10 +2,11 @@
 
 import importlib
 from collections import deque
+from math import isfinite
 from typing import Any, Literal, TypeVar
 
 from jointz.core.channels import CHANNEL_UNITS
-from jointz.core.errors import DeviceError
+from jointz.core.errors import DeviceError, install_advice
 from jointz.rig.devices.interface import Lifecycle
 
 UNCONFIGURED, INACTIVE, ACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE, Lifecycle.ACTIVE
@@ -46,15 +47,19 @@ class DriverBase:
             raise DeviceError(self._name, f"expected it {expected}; it is {self._state.value}.")
 
 
+def refuse_infinite(device: str, torque_nm: float) -> None:
+    """Refuse a command that is no finite torque."""
+    if not isfinite(torque_nm):
+        raise DeviceError(device, f"expected a finite torque, got {torque_nm} N*m.")
+
+
 def load_library(module: str, *, device: str, extra: str) -> Any:
     """Return a module that a driver needs; ``extra`` of jointz installs it."""
     try:
         return importlib.import_module(module)
     except ImportError as exc:
         library = module.partition(".")[0]
-        raise DeviceError(
-            device, f'{library} is not installed. Install it: pip install "jointz[{extra}]".'
-        ) from exc
+        raise DeviceError(device, f"{library} is not installed. {install_advice(extra)}") from exc
 
 
 def drained(queue: deque[SampleT]) -> list[SampleT]:

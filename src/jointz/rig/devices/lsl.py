@@ -18,7 +18,7 @@ from math import isfinite
 from typing import Any
 
 from jointz.core.clock import Clock
-from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.core.errors import DeviceError, NotConnectedError, install_advice
 from jointz.rig.devices.config import LslSpec
 from jointz.rig.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase, channel_unit
 from jointz.rig.devices.drivers import Driver
@@ -205,9 +205,7 @@ def load_pylsl(name: str) -> Any:
     try:
         return importlib.import_module("pylsl")
     except (ImportError, *LIBRARY_ERRORS) as exc:  # without liblsl pylsl raises a RuntimeError
-        raise DeviceError(
-            name, f'pylsl is not installed ({exc}). Install it: pip install "jointz[lsl]".'
-        ) from exc
+        raise DeviceError(name, f"pylsl is not installed ({exc}). {install_advice('lsl')}") from exc
 
 
 DRIVER = Driver(LslSpec, LslSensor, package="pylsl")

@@ -27,7 +27,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from math import isfinite
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -40,6 +39,7 @@ from jointz.rig.devices.driver_base import (
     UNCONFIGURED,
     DriverBase,
     drained,
+    refuse_infinite,
 )
 from jointz.rig.devices.drivers import Driver
 from jointz.rig.devices.interface import Actuator, ActuatorDescription, ActuatorSample, Lifecycle
@@ -172,8 +172,7 @@ class OpenSourceLegActuator(DriverBase):
         """Command a torque on the joint until the next command or the command timeout."""
         self._require(ACTIVE)
         self._check_sound()
-        if not isfinite(torque_nm):
-            raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
+        refuse_infinite(self._name, torque_nm)
         self._wanted = (torque_nm, self._device.clock.now_ns())
         self._device.wake()
 

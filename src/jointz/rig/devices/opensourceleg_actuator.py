@@ -25,11 +25,12 @@ import importlib
 import logging
 from collections.abc import Callable
 from functools import cache
-from math import isfinite, tau
+from math import tau
 from typing import Any
 
 from jointz.core.clock import Clock, RealClock
 from jointz.core.errors import DeviceError, JointzError, NotConnectedError
+from jointz.rig.devices.driver_base import refuse_infinite
 from jointz.rig.devices.interface import Actuator, ActuatorSample, Lifecycle
 
 #: How long the first sample is waited for, s.
@@ -214,8 +215,7 @@ class _Face:
 
     def _hold(self, torque_nm: float) -> None:
         """Command a torque on the joint, within the limits, until it is changed."""
-        if not isfinite(torque_nm):
-            raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
+        refuse_infinite(self._name, torque_nm)
         limits, ratio = self._limits, self.gear_ratio * abs(self._constant)
         most = min(limits.torque_nm, limits.current_a * ratio)
         self._held_nm = min(max(float(torque_nm), -most), most)

@@ -16,7 +16,7 @@ from jointz.rig.devices.interface import Stretch
 from jointz.rig.session.run import TRUTH_FILE
 from jointz.rig.session.run_claim import STUDY_FILE
 from jointz.rig.session.run_settings import pulses_name, recording_name
-from jointz.rig.session.study_file import STUDY_UNITS, participant_lines
+from jointz.rig.session.study_file import STUDY_UNITS, participant_lines, recording_lines
 from jointz.rig.sim.descriptions import exoskeleton
 from jointz.rig.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
 from jointz.rig.sim.people import Person, draw_person
@@ -190,11 +190,7 @@ def _study_toml(
 def _recordings(participant: str) -> list[str]:
     lines = []
     for condition in (_LEVEL, _PULSES):
-        lines += [
-            "",
-            "[[recordings]]",
-            f"participant = {written_text(participant)}",
-            f'condition = "{condition}"',
-            f"file = {written_text(recording_name(participant, condition))}",
-        ]
+        file = recording_name(participant, condition)
+        entries = {"participant": participant, "condition": condition, "file": file}
+        lines += recording_lines(entries)
     return [*lines, f"perturbations = {written_text(pulses_name(participant, _PULSES))}"]

@@ -1,7 +1,5 @@
 """Text of the ``study.toml`` of an experiment that jointz ran, and of its tables."""
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -90,31 +88,22 @@ def pulses_csv(table: pd.DataFrame) -> str:
 
 def exclusions_csv(aborted: Sequence[Mapping[str, Any]], time: str) -> str:
     """Return the text of ``exclusions.csv``: pulses that were broken off and done again."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_EXCLUSION_COLUMNS)
-    for row in aborted:
-        writer.writerow(
-            [
-                row["participant"],
-                row["recording"],
-                f"{row['onset_s']:.9g}",
-                "exclude",
-                Exclusion.ABORTED.meaning,
-                time,
-            ]
-        )
-    return text.getvalue()
+    table = pd.DataFrame(aborted).assign(
+        action="exclude", reason=Exclusion.ABORTED.meaning, time=time
+    )
+    columns = list(_EXCLUSION_COLUMNS)
+    return str(table[columns].to_csv(index=False, float_format="%.9g", lineterminator="\n"))
 
 
 def _contact(*, walking: bool, devices: Mapping[str, Any]) -> list[str]:
     """Return the footswitch: contacts, or volts whose levels are calibrated."""
     if walking and not gives_volts(devices):
-        return ["", "[channels.contact]", 'column = "contact"', 'kind = "contact"']
-    if devices.get("contact") is None:
+        entries = {"column": "contact", "kind": "contact"}
+    elif devices.get("contact") is not None:
+        entries = {"column": "contact", "kind": "voltage", "unit": "V"}
+    else:
         return []
-    voltage = ['column = "contact"', 'kind = "voltage"', 'unit = "V"']
-    return ["", "[channels.contact]", *voltage]
+    return ["", "[channels.contact]", *_table(entries)]
 
 
 def _walking_units(devices: Mapping[str, Any]) -> dict[str, str]:
@@ -152,18 +141,23 @@ def _recordings(participant: str, protocol: Protocol) -> list[str]:
     lines = []
     of_kind = Counter(condition.condition for condition in protocol.conditions)
     for condition in protocol.conditions:
-        lines += ["", "[[recordings]]", f"participant = {written_text(participant)}"]
-        lines += [f'condition = "{condition.condition}"']
+        entries = {"participant": participant, "condition": condition.condition}
         if (
             condition.session is not None
             or of_kind[condition.condition] > 1
             or protocol.kind == "calibration"  # by it the analysis tells what was done
         ):
-            lines += [f"session = {written_text(condition.session or condition.name)}"]
-        lines += [f"file = {written_text(recording_name(participant, condition.name))}"]
+            entries["session"] = condition.session or condition.name
+        entries["file"] = recording_name(participant, condition.name)
         if has_pulse_table(protocol, condition):
-            lines += [f"perturbations = {written_text(pulses_name(participant, condition.name))}"]
+            entries["perturbations"] = pulses_name(participant, condition.name)
+        lines += recording_lines(entries)
     return lines
+
+
+def recording_lines(entries: Mapping[str, str]) -> list[str]:
+    """Return the section of a recording."""
+    return ["", "[[recordings]]", *_table(entries)]
 
 
 def _timing_points(protocol: Protocol) -> dict[str, float]:

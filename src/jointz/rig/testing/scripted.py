@@ -7,14 +7,20 @@ under a :class:`jointz.core.clock.VirtualClock` everything repeats to the bit.
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import Any, Generic, Literal, TypeVar
 
 from jointz.core.clock import Clock
-from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.core.errors import NotConnectedError
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
-from jointz.rig.devices.driver_base import ACTIVE, FAULT, INACTIVE, UNCONFIGURED, DriverBase
+from jointz.rig.devices.driver_base import (
+    ACTIVE,
+    FAULT,
+    INACTIVE,
+    UNCONFIGURED,
+    DriverBase,
+    refuse_infinite,
+)
 from jointz.rig.devices.interface import (
     ActuatorDescription,
     ActuatorSample,
@@ -274,8 +280,7 @@ class ScriptedActuator(_Scripted[ActuatorSample]):
         """Command a torque until the next command or the command timeout."""
         self._check_connected()
         self._require(ACTIVE)
-        if not isfinite(torque_nm):
-            raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
+        refuse_infinite(self._name, torque_nm)
         command = self._clock.now_ns(), torque_nm
         self.commands.append(command)
         self._torques.append(command)

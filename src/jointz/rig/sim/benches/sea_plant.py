@@ -426,7 +426,6 @@ class SeaPlant(CompiledBench):
         noise: np.random.Generator,
     ) -> None:
         super().__init__(pack_sea(settings, load, sample_rate_hz=sample_rate_hz), STATE_SIZE, noise)
-        self._machine = settings.machine
         begin(self._params, self._state)
         self._compile()
 
@@ -451,14 +450,3 @@ class SeaPlant(CompiledBench):
     def spring_torque(self) -> float:
         """True torque of the beam on the output, N*m."""
         return float(self._state[SeaState.SPRING])
-
-    @property
-    def external_torque(self) -> float:
-        """True torque on the load and its bearing, N*m: the beam's less the intrinsic one."""
-        acceleration = _output_slope(self._params, self.angle, self.velocity, self.spring_torque)
-        return float(
-            self.spring_torque
-            - self._machine.stiffness * self.angle
-            - self._machine.damping * self.velocity
-            - self._machine.inertia * acceleration
-        )
