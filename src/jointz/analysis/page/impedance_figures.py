@@ -8,12 +8,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from jointz.analysis.classical import cells_of_both, classical_analysis
-from jointz.analysis.summary import (
-    counted_people_and_pulses,
-    has_onsets,
-    interval_methods,
-    mean_interval,
-)
 from jointz.core.channels import axis_label
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.report.style import (
@@ -26,7 +20,7 @@ from jointz.report.style import (
     shade_phases,
 )
 from jointz.report.subjects import shown_parameters, subjects, timing_points
-from jointz.report.wording import ABSOLUTE, format_count, onset_note, parameter_name
+from jointz.report.wording import ABSOLUTE, format_count, parameter_name
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.figure_style import BLUE, COLUMN_MM, FAINT, GREY, INK, SKY, WIDTH_MM
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
@@ -45,10 +39,6 @@ _CLASSICAL_MARK: Final = {"marker": "D", "markeredgecolor": "white", "linewidth"
 _WIDEST_FAN_PCT: Final = 4.5
 # An interval this many times longer than the largest value would hide all others.
 _LONGEST_INTERVAL: Final = 1.8
-_PHASE_NAMES: Final = (
-    "initial contact (ICO), loading response (LRE), mid-stance (MST), terminal stance (TST), "
-    "pre-swing (PSW), initial swing (ISW), mid-swing (MSW), terminal swing (TSW)"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +97,7 @@ def draw_impedance_over_gait(
 
 def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
     """Draw people and means over them in one row of panels, for the first page of a report."""
-    beside = _overview_marks(analysis)
+    beside = overview_marks(analysis)
     parameters = list(beside)
     if not parameters:
         return None
@@ -121,7 +111,7 @@ def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
     )
     for axes, parameter in zip(panels, parameters, strict=True):
         _draw_parameter(axes, analysis, parameter, _THIRD, beside=beside[parameter])
-    bars = {m.parameter for m in _means(analysis, parameters)} < set(parameters)
+    bars = {m.parameter for m in mean_estimates(analysis, parameters)} < set(parameters)
     handles = _legend(analysis, parameters, people_bars=bars)
     if any(beside.values()):
         handles.append(legend_line("classical", GREY, **_CLASSICAL_MARK))
@@ -129,60 +119,12 @@ def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
     return figure
 
 
-def overview_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure on the first page."""
-    where = "over the gait cycle" if has_onsets(analysis) else f"at each {subjects(analysis).point}"
-    text = f"Impedance {where}."
-    if has_onsets(analysis):
-        text += " Grey bands: gait phases."
-    if _means(analysis, shown_parameters(analysis.cells)):
-        text += " Figure 2 has the intervals of each participant."
-    beside = _overview_marks(analysis)
-    if any(beside.values()):
-        text += " Grey diamonds: classical values where the joint's own is not available."
-    return text + _missing_panels(analysis, list(beside))
-
-
-def impedance_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure."""
-    words = subjects(analysis)
-    walking = has_onsets(analysis)
-    intervals = "; ".join(interval_methods(analysis)) or "as stated by the method"
-    note = onset_note(p.name for c in analysis.cells for p in c.parameters)
-    note = f" {note} Values at the onset are not drawn." if note else ""
-    axis = (
-        "Participants are spread sideways in the order of the table. Bands: phases of the gait "
-        f"cycle, {_PHASE_NAMES}."
-        if walking
-        else f"{words.points.capitalize()} are in the order of the study."
-    )
-    return (
-        f"Impedance {'over the gait cycle' if walking else f'at each {words.point}'}. Points with "
-        f"bars: estimates of each {words.one} with their intervals ({intervals})."
-        f"{_other_marks(analysis)} {axis}{note}{_missing_panels(analysis)} "
-        f"n: {counted_people_and_pulses(analysis)}."
-    )
-
-
-def _other_marks(analysis: StudyAnalysis) -> str:
-    text = ""
-    if any(m.n_participants > 1 for m in analysis.population):
-        text += f" Diamonds: means over participants with {mean_interval(analysis)}."
-    if any(p.status == "at_bound" for c in analysis.cells for p in c.parameters):
-        text += (
-            " Open triangles: estimates at their bound, drawn at the upper limit of a one-sided "
-            "interval."
-        )
-    return text
-
-
-def _missing_panels(analysis: StudyAnalysis, drawn: Sequence[str] = ()) -> str:
+def quantities_without_panel(analysis: StudyAnalysis, drawn: Sequence[str] = ()) -> list[str]:
     """Name the quantities without an available estimate: they have no panel."""
     estimates = [p for c in analysis.cells for p in c.parameters]
     missing = {p.name for p in estimates} - {p.name for p in estimates if p.available}
     missing -= {name.removesuffix("_per_mass") for name in drawn}
-    names = [parameter_name(n).lower() for n in ABSOLUTE if n in missing]
-    return f" Not drawn: {' and '.join(names)} (no estimate is available)." if names else ""
+    return [parameter_name(n).lower() for n in ABSOLUTE if n in missing]
 
 
 def _draw_impedance(
@@ -220,7 +162,7 @@ def _draw_parameter(
     beside: Mapping[str, _Mark] | None = None,
 ) -> None:
     estimates = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
-    means = _means(analysis, [parameter])
+    means = mean_estimates(analysis, [parameter])
     groups = {c.timing_point for c, p in estimates if p.available}
     grey: list[_Mark] = []
     if groups == {ALL_POINTS}:
@@ -253,7 +195,7 @@ def _draw_parameter(
     panel_heading(axes, parameter_name(parameter), note=note, stacked=layout.narrow)
 
 
-def _overview_marks(analysis: StudyAnalysis) -> dict[str, dict[str, _Mark]]:
+def overview_marks(analysis: StudyAnalysis) -> dict[str, dict[str, _Mark]]:
     """Return the parameters that have a value to draw -> timing point -> classical value."""
     classical = classical_analysis(analysis)
     marks = _classical_marks(analysis, classical)
@@ -298,7 +240,7 @@ def _fit_to_column(axes: "Axes") -> None:
     axes.set_xlim(left=min(axes.get_xlim()[0], _NARROW_START_PCT))
 
 
-def _means(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[PopulationEstimate]:
+def mean_estimates(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[PopulationEstimate]:
     """Return the means over more than one participant."""
     means = (m for m in analysis.population if m.parameter in parameters)
     return [m for m in means if m.value is not None and m.n_participants > 1]
@@ -498,7 +440,7 @@ def _legend(
     bar = {} if people_bars else {"linestyle": "none"}
     text = f"{label}, {level}" if people_bars else label
     handles = [legend_line(text, SKY, **dot, **bar)]
-    if _means(analysis, parameters):
+    if mean_estimates(analysis, parameters):
         diamond = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
         handles.append(legend_line(f"mean over participants, {level}", INK, **diamond))
     if any(p.status == "at_bound" for p in drawn):

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from jointz.analysis.page.caveats import caveats
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import figures_by_section
 from jointz.analysis.page.first_page import first_page
@@ -34,8 +33,10 @@ from jointz.analysis.summary import (
     fitted_signals,
     mean_over_people_note,
     stiffness_extremes,
+    used_coupling,
 )
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.method_names import WITH_POSTERIOR
 from jointz.report.html_page import render_template
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
@@ -121,7 +122,8 @@ def render_report(
         recordings=recordings if len(recordings) <= _FIRST_ROWS else [],
         conditions=_conditions(recordings) if len(recordings) > _FIRST_ROWS else [],
         methods=methods_text(analysis),
-        caveats=caveats(analysis),
+        posterior=not words.bench and any(c.method in WITH_POSTERIOR for c in analysis.cells),
+        strap=used_coupling(analysis).is_strap,
         common_number=_common_number(analysis),
         mean_note=mean_over_people_note(analysis),
         effects=effects_section(statistics),

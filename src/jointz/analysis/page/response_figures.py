@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from jointz.analysis.summary import counted_people_and_pulses, fitted_signals
 from jointz.report.pulse_words import onset_is_commanded
 from jointz.report.style import (
     broken_line,
@@ -47,15 +46,8 @@ _NAMES_IN_A_LINE: Final = 50
 # Share of a panel's height kept free for the text in it.
 _HEADROOM: Final = 0.30
 
-_SHAPES_APART: Final = (
-    " Pulses of several shapes, sizes or signs are averaged apart, one curve each, as signed."
-)
-
 #: Participants from which on all responses are drawn on top of each other.
 _BAND_FROM: Final = 4
-#: Kinds of examples, from the best to the worst VAF.
-_EXAMPLES: Final = ("best fit", "median fit", "worst fit")
-
 _Cells = Mapping[tuple[str, str], CellEstimate]
 
 
@@ -142,18 +134,6 @@ def draw_response_overview(analysis: StudyAnalysis) -> "Figure | None":
     return figure
 
 
-def response_overview_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure of all people's responses."""
-    shapes = any(c.other_shapes for c in analysis.cells)
-    return (
-        "Average responses after subtraction of the baseline. Above: every participant (grey)"
-        f"{'.' + _SHAPES_APART if shapes else ' and their mean.'} "
-        f"Below: {', '.join(_EXAMPLES)} by VAF, with the fitted model dashed. "
-        "figures/responses.svg shows every participant and timing point. "
-        f"n: {counted_people_and_pulses(analysis)}."
-    )
-
-
 def example_cells(cells: Sequence[CellEstimate]) -> list[CellEstimate]:
     """Return the cells with the highest, the median and the lowest VAF."""
     known = [c for c in cells if c.response is not None and c.vaf_pct is not None]
@@ -219,21 +199,6 @@ def _panels(axes: "Axes", count: int, window_s: float) -> None:
         facecolor=PANEL,
         edgecolor="none",
         zorder=0,
-    )
-
-
-def responses_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure."""
-    fitted = fitted_signals(analysis)
-    shapes = _SHAPES_APART if any(c.other_shapes for c in analysis.cells) else ""
-    driven = "; the measured torque is its input and has no fit" if fitted == "angle" else ""
-    return (
-        "Average responses to the pulses after subtraction of the baseline: angle (left) and "
-        f"torque (right), with the {fitted} of the fitted model dashed{driven}.{shapes} "
-        "Panels of a row share their axes. Grey numbers: pulses averaged (n) and variance "
-        "accounted for (VAF, beside the fitted signal). VAF measures how closely the curve is "
-        "followed, not how accurate the estimates are. "
-        f"n: {counted_people_and_pulses(analysis)}; no intervals are drawn."
     )
 
 
