@@ -15,9 +15,11 @@ from jointz.report.wording import (
     format_count,
     format_exact,
     format_integer,
+    format_number,
     format_signed,
     joined,
     method_name,
+    parameter_name,
     status_meaning,
 )
 
@@ -33,6 +35,8 @@ _FILTERS: Final = {
     "integer": format_integer,
     "joined": joined,
     "method_name": method_name,
+    "number": format_number,
+    "parameter_name": parameter_name,
     "signed": format_signed,
     "status_meaning": status_meaning,
     "unit": pretty_unit,

@@ -21,7 +21,6 @@ from jointz.analysis.page.value_tables import (
 )
 from jointz.analysis.paper.citations import CITATIONS
 from jointz.analysis.summary import SIMULATED, chosen_method, name_range, stiffness_extremes
-from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Exclusion
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.method_names import COUPLING_OF, WITH_POSTERIOR
@@ -169,7 +168,6 @@ def _table(analysis: StudyAnalysis) -> Row | None:
     parameters = _table_parameters(analysis, classical)
     if not shown_parameters(cells_of_both(analysis, classical)):
         return None
-    heads = [{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters]
     means = [m for m in people_means(analysis) if m.parameter in parameters]
     several = len({c.label for c in analysis.cells}) > 1
     level = f"{100 * analysis.settings.get('ci_level', 0.95):g} % interval"
@@ -192,7 +190,7 @@ def _table(analysis: StudyAnalysis) -> Row | None:
         ]
         note = f"Estimate [{level}]."
     return {
-        "heads": heads,
+        "heads": parameters,
         "rows": rows[:_MOST_ROWS],
         "several": several and not known,
         "more": max(0, len(rows) - _MOST_ROWS),

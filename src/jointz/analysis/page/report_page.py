@@ -46,9 +46,7 @@ from jointz.report.wording import (
     DASH,
     PARAMETERS,
     exclusion_meaning,
-    format_count,
     format_estimate,
-    format_integer,
     format_number,
     format_span,
     format_spread,
@@ -100,10 +98,11 @@ def render_report(
         first=first_page(analysis),
         extremes=stiffness_extremes(analysis.population),
         no_means=NO_MEANS_ON_A_BENCH,
-        heads=[{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in averaged],
+        averaged=averaged,
+        units=PARAMETER_UNITS,
         population=_population_rows(analysis, averaged),
         figures=figures_by_section(analysis, _without_repeats(figures, run)),
-        columns=[{"name": parameter_name(c), "unit": PARAMETER_UNITS[c]} for c in columns],
+        columns=columns,
         vaf=_vaf(statistics),
         people=[]
         if matrix
@@ -213,11 +212,7 @@ def _matrix(analysis: StudyAnalysis, columns: Sequence[str]) -> Row | None:
             {
                 "id": person,
                 "rows": [
-                    {
-                        "name": parameter_name(p),
-                        "unit": PARAMETER_UNITS[p],
-                        "cells": [_matrix_cell(cells.get((person, n)), p) for n in names],
-                    }
+                    {"name": p, "cells": [_matrix_cell(cells.get((person, n)), p) for n in names]}
                     for p in columns
                 ],
             }
@@ -354,44 +349,29 @@ def _size(size_bytes: float | None) -> str:
 
 def run_section(run: RunReport) -> dict[str, Any]:
     """Return what the page shows of a run: pulses, onsets and timing of the control loop."""
-    rows = [{**row, "name": name} for name, row in run.pooled_onsets().to_dict("index").items()]
-    planned = f"{format_count(run.n_planned, 'pulse was', 'pulses were')} planned."
-    return {"rows": rows, "said": f"{planned} {_gaps(run)} {_timing(run)} {run.withdrawn_text}"}
-
-
-def _gaps(run: RunReport) -> str:
-    if not run.gaps:
-        return ""
-    fewest, most = min(g["fewest"] for g in run.gaps), max(g["most"] for g in run.gaps)
-    longer = sum(g["longer_than_planned"] for g in run.gaps)
-    text = f"Pulses were {fewest} to {most} strides apart"
-    if not longer:
-        return f"{text}, as planned."
-    return f"{text}; {longer} came later than planned because the pulse before was missed."
-
-
-def _timing(run: RunReport) -> str:
-    ticks, missed, limited = (
-        sum(t[key] for t in run.timing) for key in ("ticks", "missed_slots", "clamped_ticks")
-    )
-    text = (
-        f"The control loop ran {format_integer(ticks)} ticks, missed {format_integer(missed)} slots"
-    )
-    if not limited:
-        return f"{text} and limited no torque."
-    return f"{text}, and sent less torque than commanded in {format_integer(limited)} ticks."
+    return {
+        "rows": [{**row, "name": n} for n, row in run.pooled_onsets().to_dict("index").items()],
+        "planned": run.n_planned,
+        "gaps": run.gaps
+        and {
+            "fewest": min(g["fewest"] for g in run.gaps),
+            "most": max(g["most"] for g in run.gaps),
+            "longer": sum(g["longer_than_planned"] for g in run.gaps),
+        },
+        "withdrawn": run.withdrawn_text,
+        **{
+            key: sum(t[key] for t in run.timing)
+            for key in ("ticks", "missed_slots", "clamped_ticks")
+        },
+    }
 
 
 _METHODS: Final = {
     "dissertation": "least squares over the response (2.2.3)",
     "pulse_likelihood": "errors-in-variables likelihood over 250 ms",
 }
-_SMALLEST_P: Final = 1e-4
-_EFFECTS: Final = {
-    "type": "type",
-    "direction": "direction",
-    "joint": "type or direction",
-}
+_EFFECTS: Final = {"type": "type", "direction": "direction", "joint": "type or direction"}
+_EFFECT_KEYS: Final = ("case", "trajectory", "response", "effect")
 
 
 def planned_section(statistics: Mapping[str, Any]) -> list[dict[str, Any]] | None:
@@ -420,45 +400,22 @@ def effects_section(statistics: Mapping[str, Any]) -> dict[str, Any] | None:
     tests: dict[tuple[str, ...], dict[str, Mapping[str, Any]]] = {}
     for test in effects["tests"]:
         if test["effect"] in _EFFECTS:
-            key = tuple(str(test[k]) for k in ("case", "trajectory", "response", "effect"))
+            key = tuple(str(test[k]) for k in _EFFECT_KEYS)
             tests.setdefault(key, {})[test["analysis"]] = test
-    methods = effects.get("methods") or ["dissertation"]
     return {
-        "rows": [_row(key, pair, effects["alpha"]) for key, pair in tests.items()],
-        "methods": " and ".join(_METHODS.get(name, name) for name in methods),
+        "rows": [
+            dict(zip(_EFFECT_KEYS, key, strict=True))
+            | {
+                "effect": _EFFECTS[key[-1]],
+                "one_way": own.get("one_way"),
+                "mixed": own.get("mixed"),
+            }
+            for key, own in tests.items()
+        ],
+        "methods": [_METHODS.get(n, n) for n in effects.get("methods") or ["dissertation"]],
+        "alpha": effects["alpha"],
         "notes": effects["notes"],
     }
-
-
-def _row(
-    key: tuple[str, ...], tests: Mapping[str, Mapping[str, Any]], alpha: float
-) -> dict[str, Any]:
-    case, trajectory, response, effect = key
-    p_holm = tests.get("mixed", {}).get("p_holm")
-    return {
-        "case": case,
-        "trajectory": trajectory,
-        "response": response,
-        "effect": _EFFECTS[effect],
-        **{name: _test(tests.get(name, {})) for name in ("one_way", "mixed")},
-        "p_holm": _p(p_holm),
-        "matters": p_holm is not None and p_holm < alpha,
-    }
-
-
-def _test(test: Mapping[str, Any]) -> dict[str, str]:
-    if not test:
-        return {"f": "", "p": ""}
-    if test.get("p") is None:
-        return {"f": str(test.get("code", "")).replace("_", " "), "p": DASH}
-    degrees = f"({test['df_num']:.0f}, {test['df_den']:.3g})"
-    return {"f": f"{format_number(test['statistic'])} {degrees}", "p": _p(test["p"])}
-
-
-def _p(value: float | None) -> str:
-    if value is None:
-        return DASH
-    return f"{value:.2g}" if value >= _SMALLEST_P else f"< {_SMALLEST_P:.4f}"
 
 
 def truth_section(truth: pd.DataFrame, accuracy: pd.DataFrame | None = None) -> Row:
@@ -479,23 +436,5 @@ def truth_section(truth: pd.DataFrame, accuracy: pd.DataFrame | None = None) -> 
                     "n": len(rows),
                 }
             )
-    return {"summary": summary, "protocols": _protocol_rows(accuracy)}
-
-
-def _protocol_rows(accuracy: pd.DataFrame | None) -> list[Row]:
-    if accuracy is None:
-        return []
-    return [
-        {
-            "protocol": row["protocol"],
-            "name": parameter_name(row["parameter"]),
-            "decided": f"{row['n_decided']} of {row['n_cells']}",
-            "rms_pct": _rounded(row["rms_error_pct"]),
-            "coverage_pct": _rounded(row["coverage"], times=100.0),
-        }
-        for row in accuracy.to_dict("records")
-    ]
-
-
-def _rounded(value: float | None, *, times: float = 1.0) -> str:
-    return DASH if value is None else f"{times * value:.0f}"
+    protocols = [] if accuracy is None else accuracy.to_dict("records")
+    return {"summary": summary, "protocols": protocols}

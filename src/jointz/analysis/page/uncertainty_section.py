@@ -22,12 +22,6 @@ from jointz.results.estimates import (
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.study_analysis import StudyAnalysis
 
-_NOTE: Final = (
-    "Value: the median of the posterior, and half of its 95 % interval in % of it; it is no "
-    "estimate. What would help: each measurement with the half-interval that would remain "
-    "if the quantity were known exactly and nothing else changed; they come from the posterior, "
-    "and do not add up. Half-intervals of more than 50 % are undecided."
-)
 #: Source of :mod:`jointz.identify.walking.information` -> what to do about it.
 MEASURES: Final[Mapping[str, str]] = {
     "pulses": "record twice as many pulses",
@@ -69,7 +63,7 @@ def uncertainty_section(analysis: StudyAnalysis) -> _Row | None:
     cells = [c for c in analysis.cells if c.method in WITH_POSTERIOR and c.through_instruments]
     if not cells:
         return None
-    return {"note": _NOTE, "undecided": _undecided(analysis), **_details(cells)}
+    return {"undecided": _undecided(analysis), **_details(cells)}
 
 
 def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
