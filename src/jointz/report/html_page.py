@@ -29,6 +29,7 @@ _SVG_SIZE: Final = re.compile(r'(<svg[^>]*?) width="[^"]*" height="[^"]*"')
 _SVG_STYLE: Final = re.compile(r'\s*<style type="text/css">.*?</style>', re.DOTALL)
 
 _FILTERS: Final = {
+    "braced": "{{{}}}".format,
     "count": format_count,
     "exact": format_exact,
     "exclusion_meaning": exclusion_meaning,

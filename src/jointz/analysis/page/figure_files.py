@@ -92,13 +92,8 @@ def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
     The same analysis gives the same text. The user's matplotlib settings are neither read nor
     changed.
     """
-    figures = {name: draw_figure(analysis, name) for name in FIGURES}
+    figures = {n: _written(_REPORT_FIGURES[n].draw, analysis, to_svg) for n in FIGURES}
     return {name: svg for name, svg in figures.items() if svg is not None}
-
-
-def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
-    """Draw one figure as SVG; None if the analysis has no data for it."""
-    return _written(_REPORT_FIGURES[name].draw, analysis, to_svg)
 
 
 def draw_paper_figure(

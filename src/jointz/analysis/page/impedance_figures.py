@@ -173,7 +173,7 @@ def _draw_parameter(
         )
         marks = _fan_out(estimates, positions, fan, with_mean=bool(means))
         placed = [m for m in means if m.timing_point in positions]
-        mean_marks = [_mean_mark(m, positions[m.timing_point]) for m in placed]
+        mean_marks = [_mark(m, positions[m.timing_point]) for m in placed]
         grey = [replace(mark, x=positions[name]) for name, mark in (beside or {}).items()]
     if mean_marks and not layout.bars_beside_means:
         marks = [replace(m, low=None, high=m.high if m.at_bound else None) for m in marks]
@@ -216,15 +216,12 @@ def _classical_marks(
         return marks
     own = {(c.timing_point, p.name) for c in analysis.cells for p in c.parameters if p.available}
     own |= {(m.timing_point, m.parameter) for m in analysis.population if m.value is not None}
-    if len({c.label for c in classical.cells}) > 1:
-        several = (m for m in classical.population if m.value is not None)
-        found = [((m.timing_point, m.parameter), _mean_mark(m, 0.0)) for m in several]
-    else:
-        alone = ((c, p) for c in classical.cells for p in c.parameters if p.status == "ok")
-        found = [((c.timing_point, p.name), _mark(p, 0.0)) for c, p in alone]
-    for (point, parameter), mark in found:
-        if (point, parameter) not in own:
-            marks[parameter][point] = mark
+    several = len({c.label for c in classical.cells}) > 1
+    means = [(m.timing_point, m.parameter, m) for m in classical.population if m.value is not None]
+    alone = [(c.timing_point, p.name, p) for c in classical.cells for p in c.parameters]
+    for point, parameter, estimate in means if several else alone:
+        if (several or estimate.status == "ok") and (point, parameter) not in own:
+            marks[parameter][point] = _mark(estimate, 0.0)
     return marks
 
 
@@ -258,7 +255,7 @@ def _draw_people_axis(
     axes.set_xticks(range(len(names)), names, rotation=45 if len(names) > 16 else 0)
     axes.set_xlabel("Participant (one value for all timing points)")
     marks = [_mark(p, people.index(c.label)) for c, p in estimates if p.available]
-    return marks, [_mean_mark(m, len(people)) for m in means[:1]]
+    return marks, [_mark(m, len(people)) for m in means[:1]]
 
 
 def _group_axis(
@@ -314,15 +311,9 @@ def _offsets(count: int, fan: float, *, gap: bool) -> np.ndarray:
     return np.concatenate([left, right])
 
 
-def _mark(estimate: ParameterEstimate, x: float) -> _Mark:
+def _mark(estimate: ParameterEstimate | PopulationEstimate, x: float) -> _Mark:
     value = estimate.value if estimate.value is not None else estimate.ci_low or 0.0
-    at_bound = estimate.status == "at_bound"
-    return _Mark(x, value, estimate.ci_low, estimate.ci_high, at_bound)
-
-
-def _mean_mark(mean: PopulationEstimate, x: float) -> _Mark:
-    value = mean.value if mean.value is not None else np.nan
-    return _Mark(x, value, mean.ci_low, mean.ci_high, mean.status == "at_bound")
+    return _Mark(x, value, estimate.ci_low, estimate.ci_high, estimate.status == "at_bound")
 
 
 def _draw_marks(

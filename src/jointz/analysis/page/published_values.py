@@ -1,6 +1,5 @@
 """Section of the report that sets estimates beside published values."""
 
-from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Any, Final
 
@@ -15,12 +14,8 @@ from jointz.results.study_analysis import StudyAnalysis
 _COMPARED: Final = ("stiffness_per_mass", "damping_per_mass", "inertia")
 
 
-@dataclass(frozen=True, slots=True)
-class _Ours:
-    """A value of this study: a mean over people, or the estimate of the only one."""
-
-    value: float
-    text: str
+#: A mean over people of this study, or the estimate of the only one, and its text.
+_Ours = tuple[float, str]
 
 
 def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
@@ -44,7 +39,7 @@ def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
 def published_clause(analysis: StudyAnalysis) -> str:
     """Return a sentence that compares the stiffness with the published means, or ""."""
     ours = _values(_as_published(analysis), "stiffness_per_mass")
-    ratios = [v.value / _published("stiffness_per_mass", p)[0] for p, v in ours.items()]
+    ratios = [value / _published("stiffness_per_mass", p)[0] for p, (value, _) in ours.items()]
     if not ratios:
         return ""
     low, high = (format_number(x, digits=2) for x in (min(ratios), max(ratios)))
@@ -65,14 +60,14 @@ def _values(analysis: StudyAnalysis, name: str) -> dict[str, _Ours]:
     means = [m for m in analysis.population if m.parameter == name and m.n_participants > 1]
     if means:
         return {
-            m.timing_point: _Ours(m.value, format_interval(m.value, m.ci_low, m.ci_high))
+            m.timing_point: (m.value, format_interval(m.value, m.ci_low, m.ci_high))
             for m in means
             if m.value is not None and m.timing_point in TIMING_POINTS
         }
     if len({c.label for c in analysis.cells}) != 1:
         return {}
     return {
-        c.timing_point: _Ours(p.value, format_estimate(p))
+        c.timing_point: (p.value, format_estimate(p))
         for c in analysis.cells
         if c.timing_point in TIMING_POINTS
         and (p := c.parameter(name)) is not None
@@ -91,6 +86,6 @@ def _published(name: str, point: str) -> tuple[float, float]:
 def _cell(name: str, point: str, ours: _Ours | None) -> dict[str, str]:
     mean, sd = _published(name, point)
     return {
-        "ours": DASH if ours is None else ours.text,
+        "ours": DASH if ours is None else ours[1],
         "published": f"{format_number(mean)} ± {format_number(sd, like=mean)}",
     }

@@ -205,19 +205,21 @@ def _remedy(estimate: ParameterEstimate, sd: float | None, parts: Mapping[str, f
     """Name the measurements that would make the interval narrower, the best one first."""
     if sd is None or not np.isfinite(sd) or not estimate.unbounded:
         return _NOTHING_ALONE
-    now = relative_half_width(sd)
-    left = {
-        source: relative_half_width(
-            float(np.sqrt(max(sd**2 - (part / estimate.unbounded) ** 2, 0.0)))
-        )
-        for source, part in parts.items()
-    }
+    now, left = half_widths_without(sd, estimate.unbounded, parts)
     ordered = sorted(left, key=left.__getitem__)
     named = [f"{MEASURES[n]}: ±\N{NO-BREAK SPACE}{_pct(left[n])}" for n in ordered[:_MOST_NAMED]]
     worth = sum(x <= (1.0 - _WORTH_NAMING) * now for x in left.values())
     if worth or not named:
         return "; ".join(named[:worth]) or _NOTHING_ALONE
     return f"{_HARDLY}: {named[0]}"
+
+
+def half_widths_without(
+    sd: float, value: float, parts: Mapping[str, float]
+) -> tuple[float, dict[str, float]]:
+    """Return the half-width over the value now, and by source if that source were known."""
+    left = {n: np.sqrt(max(sd**2 - (part / value) ** 2, 0.0)) for n, part in parts.items()}
+    return relative_half_width(sd), {n: relative_half_width(own) for n, own in left.items()}
 
 
 def _pct(share: float) -> str:
