@@ -17,6 +17,7 @@ from jointz.report.wording import (
     format_integer,
     format_number,
     format_signed,
+    format_vaf,
     joined,
     method_name,
     parameter_name,
@@ -41,6 +42,7 @@ _FILTERS: Final = {
     "signed": format_signed,
     "status_meaning": status_meaning,
     "unit": pretty_unit,
+    "vaf": format_vaf,
 }
 
 

@@ -1,6 +1,7 @@
 """Figures of the recordings: strides over time, and accuracy of the onsets."""
 
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import TYPE_CHECKING, Final
@@ -131,12 +132,11 @@ def _stride_grid(strides: Sequence[StrideRecord]) -> _Grid:
     for stride in strides:
         key = (stride.participant, stride.condition, stride.recording)
         recordings.setdefault(key, []).append(stride)
-    seen: dict[tuple[str, str], int] = {}
+    repeats: Counter[tuple[str, str]] = Counter()
     grid: dict[tuple[str, int], dict[str, list[StrideRecord]]] = {}
     for (person, condition, _), own in recordings.items():
-        repeat = seen.get((person, condition), 0)
-        seen[person, condition] = repeat + 1
-        grid.setdefault((person, repeat), {})[condition] = own
+        grid.setdefault((person, repeats[person, condition]), {})[condition] = own
+        repeats[person, condition] += 1
     return grid
 
 

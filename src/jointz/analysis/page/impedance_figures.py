@@ -35,7 +35,7 @@ _LEGEND_ROW_MM: Final = 4.0
 _MOST_NARROW_TICKS: Final = 8
 #: Where the name of the first phase, which stands left of its band, has room in a column.
 _NARROW_START_PCT: Final = -9.0
-_CLASSICAL_MARK: Final = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
+_MEAN_MARK: Final = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
 _WIDEST_FAN_PCT: Final = 4.5
 # An interval this many times longer than the largest value would hide all others.
 _LONGEST_INTERVAL: Final = 1.8
@@ -114,7 +114,7 @@ def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
     bars = {m.parameter for m in mean_estimates(analysis, parameters)} < set(parameters)
     handles = _legend(analysis, parameters, people_bars=bars)
     if any(beside.values()):
-        handles.append(legend_line("classical", GREY, **_CLASSICAL_MARK))
+        handles.append(legend_line("classical", GREY, **_MEAN_MARK))
     place_legend(figure, handles)
     return figure
 
@@ -432,8 +432,7 @@ def _legend(
     text = f"{label}, {level}" if people_bars else label
     handles = [legend_line(text, SKY, **dot, **bar)]
     if mean_estimates(analysis, parameters):
-        diamond = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
-        handles.append(legend_line(f"mean over participants, {level}", INK, **diamond))
+        handles.append(legend_line(f"mean over participants, {level}", INK, **_MEAN_MARK))
     if any(p.status == "at_bound" for p in drawn):
         open_triangle = {"marker": "v", "markerfacecolor": "white", "markeredgecolor": BLUE}
         handles.append(legend_line("at its bound: upper limit only", SKY, **open_triangle))

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import figures_by_section
 from jointz.analysis.page.first_page import first_page
-from jointz.analysis.page.level_tests_section import device_effect_clause, level_tests_section
+from jointz.analysis.page.level_tests_section import device_effect_section, level_tests_section
 from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.next_measures import instrument_shares
 from jointz.analysis.page.published_values import published_section
@@ -45,7 +45,6 @@ from jointz.report.wording import (
     AT_ONSET,
     DASH,
     PARAMETERS,
-    exclusion_meaning,
     format_estimate,
     format_number,
     format_span,
@@ -103,7 +102,7 @@ def render_report(
         population=_population_rows(analysis, averaged),
         figures=figures_by_section(analysis, _without_repeats(figures, run)),
         columns=columns,
-        vaf=_vaf(statistics),
+        vaf=(statistics.get("vaf") or {}).get("mean_pct"),
         people=[]
         if matrix
         else [
@@ -112,7 +111,7 @@ def render_report(
         ],
         matrix=matrix,
         onset_note=onset_note(parameters),
-        statuses=_statuses(analysis),
+        statuses=study_counts(analysis).statuses,
         warnings=statistics.get("warnings", ()),
         notes=statistics.get("notes", ()),
         excluded=_excluded(analysis),
@@ -127,7 +126,7 @@ def render_report(
         mean_note=mean_over_people_note(analysis),
         effects=effects_section(statistics),
         tests=level_tests_section(statistics),
-        device_effect=device_effect_clause(analysis),
+        device_effect=device_effect_section(analysis),
         packages=_packages(provenance),
         inputs=inputs if len(inputs) <= _FIRST_ROWS else [],
         n_inputs=len(inputs),
@@ -163,12 +162,6 @@ def _script_hash(script: str) -> str:
 def _parameters(analysis: StudyAnalysis) -> list[str]:
     present = {p.name for cell in analysis.cells for p in cell.parameters}
     return [name for name in ALL_PARAMETERS if name in present]
-
-
-def _vaf(statistics: Mapping[str, Any]) -> str:
-    """Return the mean VAF, "" if there is none."""
-    mean = (statistics.get("vaf") or {}).get("mean_pct")
-    return "" if mean is None else format_vaf(mean)
 
 
 def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[Row]:
@@ -241,7 +234,7 @@ def _cell_row(cell: CellEstimate, columns: Sequence[str]) -> Row:
     return {
         "name": point_name(cell.timing_point),
         "cells": [None if p is None else _estimate_cell(p) for p in estimates],
-        "failure": _badge(common) if common.startswith("failed") else None,
+        "failure": common if common.startswith("failed") else "",
         "vaf": format_vaf(cell.vaf_pct),
         "n_used": cell.n_used,
         "n": cell.n_used + cell.n_excluded,
@@ -249,22 +242,9 @@ def _cell_row(cell: CellEstimate, columns: Sequence[str]) -> Row:
 
 
 def _estimate_cell(estimate: ParameterEstimate) -> Row:
-    badge = None if estimate.status == "ok" else _badge(estimate.status)
     text = format_estimate(estimate)
     # A dash before the badge would add nothing.
-    return {"text": "" if text == DASH else text, "badge": badge}
-
-
-def _badge(status: str) -> Row:
-    kind = short_status(status)
-    return {"kind": kind, "text": kind.replace("_", " "), "meaning": status_meaning(status)}
-
-
-def _statuses(analysis: StudyAnalysis) -> list[Row]:
-    return [
-        {**_badge(status), "status": status, "count": count}
-        for status, count in study_counts(analysis).statuses.most_common()
-    ]
+    return {"text": "" if text == DASH else text, "status": estimate.status}
 
 
 def _excluded(analysis: StudyAnalysis) -> Row:
@@ -272,7 +252,7 @@ def _excluded(analysis: StudyAnalysis) -> Row:
     counts = Counter(zip(frame["kind"], frame["code"], strict=True))
     return {
         "counts": [
-            {"kind": kind, "code": code, "count": count, "meaning": exclusion_meaning(code)}
+            {"kind": kind, "code": code, "count": count}
             for (kind, code), count in sorted(counts.items(), key=lambda i: (i[0][0], -i[1]))
         ],
         "first": frame.head(_FIRST_ROWS).to_dict("records") if len(frame) <= _FIRST_ROWS else [],

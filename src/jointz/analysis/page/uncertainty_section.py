@@ -77,16 +77,14 @@ def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
         {
             "where": _where(own),
             "parameter": parameter,
-            "value": _value(own),
+            "value": f"{own[0]['value']} {own[0]['unit']}"
+            if len(own) == 1
+            else f"{len(own)} values",
             "why": own[0]["why"] if len(own) == 1 else why,
             "remedy": own[0]["remedy"] if len(own) == 1 else remedy,
         }
         for (parameter, why, remedy), own in kinds.items()
     ]
-
-
-def _value(rows: Sequence[Mapping[str, str]]) -> str:
-    return f"{rows[0]['value']} {rows[0]['unit']}" if len(rows) == 1 else f"{len(rows)} values"
 
 
 def _main(text: str) -> str:
@@ -159,8 +157,10 @@ def _row(
         "name": cell.timing_point,
         "parameter": parameter_name(estimate.name),
         "value": format_number(estimate.unbounded),
-        "unit": f"{pretty_unit(estimate.unit)}{_reach(sd)}",
+        "unit": pretty_unit(estimate.unit),
     }
+    if sd is not None:
+        row["unit"] += f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
     doubts = posterior.doubts if posterior else ()
     if posterior and estimate.ci_low is None and not _AGAINST_NONE.issuperset(doubts):
         return {**row, "why": _contradictions(posterior), "remedy": remedies(posterior)}
@@ -169,10 +169,6 @@ def _row(
     others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
     why = _too_wide(estimate, sd, others)
     return {**row, "why": why, "remedy": _remedy(estimate, sd, parts)}
-
-
-def _reach(sd: float | None) -> str:
-    return "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
 
 
 def _contradictions(posterior: LogPosterior) -> str:
