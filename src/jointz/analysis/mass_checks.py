@@ -67,8 +67,8 @@ def mass_questions(study: Study, cells: Iterable[CellEstimate]) -> dict[str, str
             height = "" if person.height_m is None else f" and height_m = {person.height_m:g}"
             ask = _ASK.format(status=Failure.MASS_UNLIKELY.status)
             questions[person.id] = (
-                f"{person.id}: is mass_kg = {person.mass_kg:g}{height} right? {_sentence(doubt)}"
-                f"{_likely_unit(person)} {ask}"
+                f"{person.id}: is mass_kg = {person.mass_kg:g}{height} right? "
+                f"{doubt[0].upper()}{doubt[1:]}.{_likely_unit(person)} {ask}"
             )
     return questions
 
@@ -164,7 +164,3 @@ def _likely_unit(person: ParticipantSpec) -> str:
     if fitting:
         return f" It may be in {' or '.join(fitting)}."
     return " Is height_m in metres?" if person.height_m is not None else ""
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."

@@ -42,6 +42,10 @@ def study_statistics(
     strides = tuple(s for r in results for s in r.strides)
     gaps = tuple(g for r in results for g in r.gaps)
     single = tuple(p for r in results for p in r.single)
+    walking = study.spec.kind == "walking"
+    points = study.spec.perturbations.timing_points or TIMING_POINTS
+    quasi_stiffness = quasi_stiffness_rows([c for r in results for c in r.curves], points)
+    several_loads = not study.spec.of_people and len(study.spec.participants) > 1
     return {
         "onset_accuracy": onset_accuracy(pulses),
         "strides": stride_summary(strides, gaps),
@@ -49,9 +53,10 @@ def study_statistics(
         "sampling": [asdict(s) for r in results for s in r.sampling],
         **_nuisance(cells),
         **_pulse_effects(single),
-        **_quasi_stiffness(study, results),
-        **_group_tests(study, cells, results),
-        "warnings": stride_warnings(strides) if study.spec.kind == "walking" else [],
+        **({"quasi_stiffness": quasi_stiffness} if quasi_stiffness else {}),
+        **(level_tests(cells) if walking else {}),
+        **(device_effect([m for r in results for m in r.mean_strides]) if walking else {}),
+        "warnings": stride_warnings(strides) if walking else [],
         "notes": [
             *_exclusion_notes(study, pulses, strides),
             *_sign_notes(cells),
@@ -60,7 +65,7 @@ def study_statistics(
             *_doubt_notes([p for r in results for p in r.log_posteriors]),
             *_inertia_notes(study, cells),
             *_single_notes(cells, single),
-            *_mean_notes(study),
+            *([NO_MEANS_ON_A_BENCH] if several_loads else []),
             *_switch_notes(results),
             *_session_notes(study, method, results),
             *_pulse_notes(study, pulses),
@@ -79,24 +84,6 @@ def _nuisance(cells: Sequence[CellEstimate]) -> dict[str, Any]:
         for row in replace(cell, parameters=cell.nuisance).rows()
     ]
     return {"nuisance": rows} if rows else {}
-
-
-def _quasi_stiffness(study: Study, results: Collection[ParticipantResult]) -> dict[str, Any]:
-    """Return the quasi-stiffness of people who were never perturbed, if there are any."""
-    curves = [c for r in results for c in r.curves]
-    points = study.spec.perturbations.timing_points or TIMING_POINTS
-    rows = quasi_stiffness_rows(curves, points)
-    return {"quasi_stiffness": rows} if rows else {}
-
-
-def _group_tests(
-    study: Study, cells: Sequence[CellEstimate], results: Collection[ParticipantResult]
-) -> dict[str, Any]:
-    """Return the tests over people: between levels, and with against without the device."""
-    if study.spec.kind != "walking":
-        return {}
-    strides = [m for r in results for m in r.mean_strides]
-    return {**level_tests(cells), **device_effect(strides)}
 
 
 def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
@@ -221,12 +208,6 @@ def _single_notes(cells: Sequence[CellEstimate], single: Sequence[PulseEstimate]
         f"by {PULSE_LIKELIHOOD}: 250 ms do not determine stiffness, damping and inertia, or extend "
         "beyond the record."
     ]
-
-
-def _mean_notes(study: Study) -> list[str]:
-    """Explain why a bench with several loads has no means."""
-    loads = not study.spec.of_people and len(study.spec.participants) > 1
-    return [NO_MEANS_ON_A_BENCH] if loads else []
 
 
 def _switch_notes(results: Collection[ParticipantResult]) -> list[str]:

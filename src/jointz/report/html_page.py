@@ -15,9 +15,12 @@ from jointz.report.wording import (
     format_count,
     format_exact,
     format_integer,
+    format_number,
     format_signed,
+    format_vaf,
     joined,
     method_name,
+    parameter_name,
     status_meaning,
 )
 
@@ -28,15 +31,19 @@ _SVG_SIZE: Final = re.compile(r'(<svg[^>]*?) width="[^"]*" height="[^"]*"')
 _SVG_STYLE: Final = re.compile(r'\s*<style type="text/css">.*?</style>', re.DOTALL)
 
 _FILTERS: Final = {
+    "braced": "{{{}}}".format,
     "count": format_count,
     "exact": format_exact,
     "exclusion_meaning": exclusion_meaning,
     "integer": format_integer,
     "joined": joined,
     "method_name": method_name,
+    "number": format_number,
+    "parameter_name": parameter_name,
     "signed": format_signed,
     "status_meaning": status_meaning,
     "unit": pretty_unit,
+    "vaf": format_vaf,
 }
 
 

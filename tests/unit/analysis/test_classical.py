@@ -10,8 +10,9 @@ import pytest
 from tests.unit.analysis.studies import bayesian_analysis
 
 from jointz.analysis.classical import MEAN, classical_analysis, comparison_table, pulse_kind
+from jointz.analysis.page.captions import captions
 from jointz.analysis.page.first_page import first_page
-from jointz.analysis.page.impedance_figures import draw_impedance_overview, overview_caption
+from jointz.analysis.page.impedance_figures import draw_impedance_overview
 from jointz.analysis.page.published_values import published_clause
 from jointz.analysis.results_folder import csv_bytes
 from jointz.reference.classical_errors import RMS_PCT
@@ -81,8 +82,8 @@ def test_the_figure_says_which_values_are_classical(held):
     figure = draw_impedance_overview(held)
     assert "classical" in [t.get_text() for t in figure.legends[0].get_texts()]
     assert len(figure.axes) == 3  # without them there would be inertia alone
-    assert "classical values" in overview_caption(held)
-    assert "classical" not in overview_caption(bayesian_analysis())
+    assert "classical values" in captions(held)["impedance_overview"]
+    assert "classical" not in captions(bayesian_analysis())["impedance_overview"]
 
 
 def test_published_values_are_compared_with_classical_ones(held):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jointz.analysis.page import figure_files
+from jointz.analysis.page.captions import captions
 from jointz.analysis.page.event_figures import draw_onset_accuracy, draw_strides
 from jointz.analysis.page.figure_files import (
     FIGURES,
@@ -19,8 +20,6 @@ from jointz.analysis.page.response_figures import (
     draw_response_overview,
     draw_responses,
     example_cells,
-    response_overview_caption,
-    responses_caption,
 )
 from jointz.core.events import PulseRecord
 from jointz.report.style import new_figure, to_svg
@@ -186,8 +185,8 @@ def test_shapes_of_pulse_are_drawn_apart_and_counted_together(walking):
     np.testing.assert_allclose(drawn[n:-1], np.degrees(pull.angle))
     np.testing.assert_allclose(torque.lines[0].get_ydata()[n:-1], pull.torque)
     assert "n 48" in labels(angle.texts)
-    assert "averaged apart" in responses_caption(one)
-    assert "averaged apart" not in responses_caption(walking)
+    assert "averaged apart" in captions(one)["responses"]
+    assert "averaged apart" not in captions(walking)["responses"]
 
 
 def test_no_mean_over_people_is_drawn_of_pulses_of_several_shapes(walking):
@@ -197,8 +196,8 @@ def test_no_mean_over_people_is_drawn_of_pulses_of_several_shapes(walking):
     means = [plot(draw_response_overview, a).axes[0].lines[1] for a in (walking, several)]
 
     assert [np.size(mean.get_ydata()) > 0 for mean in means] == [True, False]
-    assert "their mean" in response_overview_caption(walking)
-    assert "their mean" not in response_overview_caption(several)
+    assert "their mean" in captions(walking)["response_overview"]
+    assert "their mean" not in captions(several)["response_overview"]
 
 
 def test_examples_of_responses_are_the_best_the_median_and_the_worst_fit(walking):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jointz
-from jointz.analysis.page.figure_files import captions
+from jointz.analysis.page.captions import captions
 from jointz.core.codes import Exclusion
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study

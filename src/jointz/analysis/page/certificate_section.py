@@ -20,7 +20,11 @@ def certificate_section(certificate: Certificate | None) -> dict[str, Any] | Non
     points = sorted(dict.fromkeys(point for point, _ in errors), key=lambda p: p != ALL_POINTS)
     return {
         "sentence": _sentence(certificate),
-        "note": _note(certificate),
+        "people": certificate.n_participants,
+        "world": certificate.world,
+        "protocol": certificate.protocol,
+        "si_only": _si_only(certificate),
+        "left_out": certificate.left_out,
         "symbols": [f"{SYMBOLS[name]}: {parameter_name(name).lower()}" for name in PARAMETERS],
         "rows": [
             {
@@ -79,38 +83,17 @@ def _si(row: ExpectedError) -> str:
     return f"{row.rmse:.3g} {pretty_unit(row.unit)}"
 
 
-def _note(certificate: Certificate) -> str:
-    people = format_count(certificate.n_participants, "simulated participant")
-    left_out = "".join(f" {who} was left out: {why}." for who, why in certificate.left_out.items())
-    protocol = f" Simulated protocol: {certificate.protocol}" if certificate.protocol else ""
-    return (
-        f"{people} ({certificate.world}) walked the protocol of this study with its body masses, "
-        "and were analysed by its method, settings and calibration. They have what the estimator "
-        "does not model, such as a reflex of a form of its own; errors of instruments are drawn "
-        "as the calibration states them. The errors can be promised if the study's people are "
-        "like the simulated ones in misfit, unpredictability, displacement, natural frequency, "
-        "damping ratio and undecided estimates. What none of these shows is not included."
-        f"{protocol}{_si_only(certificate)}{left_out}"
-    )
-
-
-def _si_only(certificate: Certificate) -> str:
+def _si_only(certificate: Certificate) -> list[str]:
     """Name the timing points whose errors are given in SI units only."""
     points: dict[str, list[str]] = {name: [] for name in PARAMETERS}
     for row in certificate.errors:
         if row.timing_point != ALL_POINTS and row.rmse is not None and row.rmse_pct is None:
             points[row.parameter].append(row.timing_point)
-    texts = [
+    return [
         f"{SYMBOLS[name]} at {format_count(len(own), 'timing point')} ({', '.join(own)})"
         for name, own in points.items()
         if own
     ]
-    if not texts:
-        return ""
-    return (
-        f" Errors are in SI units only for {' and '.join(texts)}: the truth there is less than a "
-        "tenth of its usual size, or of its error, so a percentage would mean nothing."
-    )
 
 
 def _cell(row: ExpectedError | None) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """Figures of the recordings: strides over time, and accuracy of the onsets."""
 
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import TYPE_CHECKING, Final
@@ -17,7 +18,7 @@ from jointz.report.style import (
     place_text,
     ticks_at,
 )
-from jointz.report.wording import MINUS, format_count, format_signed
+from jointz.report.wording import MINUS, format_signed
 from jointz.results.figure_style import (
     BLUE,
     GREEN,
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 # Strides with a pulse are excluded by design. They are many: strokes on the axis, not marks.
-_BY_DESIGN: Final = Exclusion.PULSE_IN_STRIDE.value
+BY_DESIGN: Final = Exclusion.PULSE_IN_STRIDE.value
 _CODE_LOOKS: Final = ((VERMILION, "x"), (PURPLE, "^"), (ORANGE, "s"), (GREEN, "v"), (INK, "+"))
 _LEFT_MM: Final = 22.0
 _HISTOGRAM_MM: Final = 22.0
@@ -85,19 +86,6 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
     return figure
 
 
-def strides_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure of the strides, with the marks that occur in it."""
-    marks = ""
-    if any(s.code not in ("", _BY_DESIGN) for s in analysis.strides):
-        marks += " Marks: excluded strides, by code; those beyond the axis are drawn at its edge."
-    if strides_with_pulse(analysis):
-        marks += " Grey strokes: strides with a pulse; they are not used as unperturbed strides."
-    return (
-        "Stride times in each recording (line) and histogram of the accepted strides with "
-        f"mean ± SD.{marks} n: {format_count(len(analysis.strides), 'stride')}."
-    )
-
-
 def strides_with_pulse(analysis: StudyAnalysis) -> set[tuple[str, str, float]]:
     """Return the strides in which a pulse begins, or that were excluded for a pulse."""
     onsets: dict[tuple[str, str], list[float]] = {}
@@ -106,7 +94,7 @@ def strides_with_pulse(analysis: StudyAnalysis) -> set[tuple[str, str, float]]:
     return {
         (s.participant, s.recording, s.start_s)
         for s in analysis.strides
-        if s.code == _BY_DESIGN or _has_onset(s, onsets.get((s.participant, s.recording), ()))
+        if s.code == BY_DESIGN or _has_onset(s, onsets.get((s.participant, s.recording), ()))
     }
 
 
@@ -138,34 +126,22 @@ def draw_onset_accuracy(analysis: StudyAnalysis) -> "Figure | None":
     return figure
 
 
-def onset_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure of the onsets."""
-    missing = sum(p.target_pct is not None and p.measured_pct is None for p in analysis.pulses)
-    return (
-        "Measured minus planned onset of every pulse, in % of the gait cycle: histogram (left) and "
-        "single pulses (right) of each timing point, with their mean (line), standard deviation "
-        "(SD) and number. The measured onset is the time since the heel strike over the duration "
-        f"of the same stride. Not drawn: {format_count(missing, 'pulse')} outside accepted strides."
-    )
-
-
 def _stride_grid(strides: Sequence[StrideRecord]) -> _Grid:
     """Group strides by participant and repetition of a condition, then by condition."""
     recordings: dict[tuple[str, str, str], list[StrideRecord]] = {}
     for stride in strides:
         key = (stride.participant, stride.condition, stride.recording)
         recordings.setdefault(key, []).append(stride)
-    seen: dict[tuple[str, str], int] = {}
+    repeats: Counter[tuple[str, str]] = Counter()
     grid: dict[tuple[str, int], dict[str, list[StrideRecord]]] = {}
     for (person, condition, _), own in recordings.items():
-        repeat = seen.get((person, condition), 0)
-        seen[person, condition] = repeat + 1
-        grid.setdefault((person, repeat), {})[condition] = own
+        grid.setdefault((person, repeats[person, condition]), {})[condition] = own
+        repeats[person, condition] += 1
     return grid
 
 
 def _code_looks(strides: Sequence[StrideRecord]) -> dict[str, tuple[str, str]]:
-    codes = sorted({s.code for s in strides if s.code and s.code != _BY_DESIGN})
+    codes = sorted({s.code for s in strides if s.code and s.code != BY_DESIGN})
     return {code: _CODE_LOOKS[i % len(_CODE_LOOKS)] for i, code in enumerate(codes)}
 
 
@@ -189,7 +165,7 @@ def _column_boxes(longest_s: Sequence[float]) -> list[tuple[float, float]]:
 
 def _duration_limits(strides: Sequence[StrideRecord]) -> tuple[float, float]:
     """Return limits that fit the accepted strides; others may lie beyond."""
-    usable = [s.duration_s for s in strides if s.code in ("", _BY_DESIGN)]
+    usable = [s.duration_s for s in strides if s.code in ("", BY_DESIGN)]
     durations = np.array(usable or [s.duration_s for s in strides])
     low, high = np.percentile(durations, [1.0, 99.0])
     margin = max(0.35 * (high - low), 0.02 * high)

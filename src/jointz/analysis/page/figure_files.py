@@ -9,37 +9,16 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import pandas as pd
 
-from jointz.analysis.page.event_figures import (
-    draw_onset_accuracy,
-    draw_strides,
-    onset_caption,
-    strides_caption,
-)
-from jointz.analysis.page.gait_figures import (
-    draw_gait,
-    draw_pulse_example,
-    gait_caption,
-    pulse_example_caption,
-)
+from jointz.analysis.page.captions import captions
+from jointz.analysis.page.event_figures import draw_onset_accuracy, draw_strides
+from jointz.analysis.page.gait_figures import draw_gait, draw_pulse_example
 from jointz.analysis.page.impedance_figures import (
     draw_impedance_column,
     draw_impedance_over_gait,
     draw_impedance_overview,
-    impedance_caption,
-    overview_caption,
 )
-from jointz.analysis.page.method_figures import (
-    TRUTH_CAPTION,
-    draw_methods,
-    draw_truth,
-    methods_caption,
-)
-from jointz.analysis.page.response_figures import (
-    draw_response_overview,
-    draw_responses,
-    response_overview_caption,
-    responses_caption,
-)
+from jointz.analysis.page.method_figures import draw_methods, draw_truth
+from jointz.analysis.page.response_figures import draw_response_overview, draw_responses
 from jointz.core.errors import DataError
 from jointz.report.html_page import page_figures
 from jointz.report.style import to_pdf, to_svg
@@ -54,38 +33,27 @@ Format = TypeVar("Format")
 
 @dataclass(frozen=True, slots=True)
 class _ReportFigure:
-    """How a figure is drawn from an analysis, and its heading, caption and place on the page."""
+    """How a figure is drawn from an analysis, and its heading and place on the page."""
 
     draw: "Callable[[StudyAnalysis], Figure | None] | None"  # None: drawn from the truth
     heading: str = ""
-    caption: Callable[[StudyAnalysis], str] | None = None  # None: not on the page
-    section: str = ""  # of the template ``report.html.j2``
+    section: str = ""  # of the template ``report.html.j2``; "": not on the page
 
 
 #: In the order of the page.
 _REPORT_FIGURES: Final[Mapping[str, _ReportFigure]] = {
-    "impedance_overview": _ReportFigure(
-        draw_impedance_overview, "Impedance", overview_caption, "first"
-    ),
-    "impedance_over_gait": _ReportFigure(
-        draw_impedance_over_gait, "Impedance", impedance_caption, "participants"
-    ),
-    "pulse_example": _ReportFigure(
-        draw_pulse_example, "One pulse", pulse_example_caption, "responses"
-    ),
+    "impedance_overview": _ReportFigure(draw_impedance_overview, "Impedance", "first"),
+    "impedance_over_gait": _ReportFigure(draw_impedance_over_gait, "Impedance", "participants"),
+    "pulse_example": _ReportFigure(draw_pulse_example, "One pulse", "responses"),
     "response_overview": _ReportFigure(
-        draw_response_overview, "Responses to the pulses", response_overview_caption, "responses"
+        draw_response_overview, "Responses to the pulses", "responses"
     ),
-    "responses": _ReportFigure(
-        draw_responses, "Responses to the pulses", responses_caption, "responses"
-    ),
-    "methods": _ReportFigure(draw_methods, "Comparison of methods", methods_caption, "methods"),
-    "truth": _ReportFigure(None, "Truth against estimate", lambda _: TRUTH_CAPTION, "truth"),
-    "gait": _ReportFigure(draw_gait, "Mean stride", gait_caption, "recordings"),
-    "onset_accuracy": _ReportFigure(
-        draw_onset_accuracy, "Accuracy of the onset", onset_caption, "recordings"
-    ),
-    "strides": _ReportFigure(draw_strides, "Strides", strides_caption, "recordings"),
+    "responses": _ReportFigure(draw_responses, "Responses to the pulses", "responses"),
+    "methods": _ReportFigure(draw_methods, "Comparison of methods", "methods"),
+    "truth": _ReportFigure(None, "Truth against estimate", "truth"),
+    "gait": _ReportFigure(draw_gait, "Mean stride", "recordings"),
+    "onset_accuracy": _ReportFigure(draw_onset_accuracy, "Accuracy of the onset", "recordings"),
+    "strides": _ReportFigure(draw_strides, "Strides", "recordings"),
     "impedance_column": _ReportFigure(draw_impedance_column),
 }
 #: Names of the figures that every analysis may have.
@@ -124,13 +92,8 @@ def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
     The same analysis gives the same text. The user's matplotlib settings are neither read nor
     changed.
     """
-    figures = {name: draw_figure(analysis, name) for name in FIGURES}
+    figures = {n: _written(_REPORT_FIGURES[n].draw, analysis, to_svg) for n in FIGURES}
     return {name: svg for name, svg in figures.items() if svg is not None}
-
-
-def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
-    """Draw one figure as SVG; None if the analysis has no data for it."""
-    return _written(_REPORT_FIGURES[name].draw, analysis, to_svg)
 
 
 def draw_paper_figure(
@@ -177,29 +140,22 @@ def draw_truth_picture(truth: pd.DataFrame, *, pdf: bool = False) -> Picture | N
     return _written(draw_truth, truth, partial(_to_picture, pdf=pdf))
 
 
-def captions(analysis: StudyAnalysis) -> dict[str, str]:
-    """Return the caption of each figure on the page."""
-    return {
-        name: figure.caption(analysis)
-        for name, figure in _REPORT_FIGURES.items()
-        if figure.caption is not None
-    }
-
-
 def figures_by_section(
     analysis: StudyAnalysis, svgs: Mapping[str, str]
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the figures of each section of the page, numbered in the order of the page."""
     texts = captions(analysis)
     # Of many people, the panels of each would be the longest part of the page.
-    left_out = {"responses"} if "response_overview" in svgs else set()
-    names = [name for name in texts if name in svgs and name not in left_out]
+    left_out = "responses" if "response_overview" in svgs else ""
+    shown = {
+        name: figure
+        for name, figure in _REPORT_FIGURES.items()
+        if figure.section and name in svgs and name != left_out
+    }
+    numbered = page_figures((n, svgs[n], f.heading, texts[n]) for n, f in shown.items())
     sections: dict[str, list[dict[str, Any]]] = {}
-    numbered = page_figures(
-        (name, svgs[name], _REPORT_FIGURES[name].heading, texts[name]) for name in names
-    )
     for name, figure in numbered.items():
-        sections.setdefault(_REPORT_FIGURES[name].section, []).append(figure)
+        sections.setdefault(shown[name].section, []).append(figure)
     return sections
 
 

@@ -21,8 +21,7 @@ from jointz.analysis.page.value_tables import (
 )
 from jointz.analysis.paper.citations import CITATIONS
 from jointz.analysis.summary import SIMULATED, chosen_method, name_range, stiffness_extremes
-from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.codes import Exclusion, Failure
+from jointz.core.codes import Failure
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.method_names import COUPLING_OF, WITH_POSTERIOR
 from jointz.report.subjects import (
@@ -36,13 +35,10 @@ from jointz.report.wording import (
     AT_ONSET,
     DASH,
     PER_MASS,
-    exclusion_meaning,
     format_count,
     format_estimate,
-    format_integer,
     format_span,
     joined,
-    method_name,
     parameter_name,
     point_name,
     status_meaning,
@@ -61,21 +57,25 @@ _COUPLINGS: Final = {
     "strap": "strapped to the leg",
     "rigid": "coupled rigidly to the bone",
 }
-_WHAT_K_MEANS: Final = (
-    "K and B are averages over the motion after the onset; the table of each participant has those "
-    "of small displacements at the onset"
-)
 
 
 def first_page(analysis: StudyAnalysis) -> Row:
     """Return what the first page shows besides title and figure."""
     warnings = [str(text) for text in analysis.statistics.get("warnings", ())]
     return {
-        "done": [*_done(analysis), *([SIMULATED] if analysis.simulated else [])],
+        "study": _study(analysis),
+        "planned": analysis.run.n_planned if analysis.run else 0,
+        "counts": study_counts(analysis),
+        "reasons": bool(analysis.pulses),  # without them, only the number of excluded is known
+        "sizes": _sizes(analysis),
+        "device": _device(analysis),
+        "method": chosen_method(analysis),
+        "simulated": SIMULATED if analysis.simulated else "",
         "warnings": [_first_sentence(text) for text in warnings[:_MOST_WARNINGS]],
         "more_warnings": max(0, len(warnings) - _MOST_WARNINGS),
         "table": _table(analysis),
         "said": _said(analysis),
+        "meaning": _meaning(analysis),
         "next": next_measures(analysis),
         "cite": _citation(analysis),
     }
@@ -94,10 +94,11 @@ def _citation(analysis: StudyAnalysis) -> str:
 # --- what was done -------------------------------------------------------------------------------
 
 
-def _done(analysis: StudyAnalysis) -> list[str]:
+def _study(analysis: StudyAnalysis) -> str:
+    """Name participants, joint and timing points; "" for a study without participants."""
     people = list(dict.fromkeys(c.participant for c in analysis.cells))
     if not people:
-        return ["The study has no participants and no pulses, so there is nothing to report."]
+        return ""
     words = subjects(analysis)
     points = {c.timing_point for c in analysis.cells if c.timing_point != ALL_POINTS}
     joint = None if words.loads else analysis.settings.get("joint")
@@ -109,7 +110,7 @@ def _done(analysis: StudyAnalysis) -> list[str]:
         _masses(analysis, people),
         _stride_times(analysis),
     ]
-    return [f"{', '.join(p for p in parts if p)}.", _pulses(analysis), _device(analysis)]
+    return ", ".join(p for p in parts if p)
 
 
 def _masses(analysis: StudyAnalysis, people: Sequence[str]) -> str:
@@ -132,48 +133,26 @@ def _stride_times(analysis: StudyAnalysis) -> str:
     return f"stride time {format_span(means, '{:.2f}'.format)} s" if means else ""
 
 
-def _pulses(analysis: StudyAnalysis) -> str:
-    counts = study_counts(analysis)
-    planned = analysis.run.n_planned if analysis.run else 0
-    plan = f"{format_count(planned, 'pulse was', 'pulses were')} planned; " if planned else ""
-    why = ""
-    if analysis.pulses and counts.exclusions:
-        code, count = counts.exclusions.most_common(1)[0]
-        why = f" Most frequent reason ({format_integer(count)}): {exclusion_meaning(code)}."
-    more = format_count(counts.aborted, "more was", "more were")
-    again = f" {more} {Exclusion.ABORTED.meaning}." if counts.aborted else ""
-    return (
-        f"{plan}{format_count(counts.used, 'pulse was', 'pulses were')} used and "
-        f"{format_integer(counts.excluded)} excluded.{why}{again}{_sizes(analysis)}"
-    )
-
-
-def _sizes(analysis: StudyAnalysis) -> str:
-    """Say how large pulses and responses are."""
+def _sizes(analysis: StudyAnalysis) -> Row | None:
+    """Return how large pulses and responses are, None if that is not known."""
     used = [abs(p.amplitude) for p in analysis.pulses if not p.code and p.amplitude]
     motions = [float(np.degrees(c.displacement_rad)) for c in analysis.cells if c.displacement_rad]
     if not used or not motions or study_spec(analysis).perturbations.source == "angle":
-        return ""
-    return (
-        f" Pulses of {format_span(used, '{:.3g}'.format)} N·m moved the "
-        f"{'load' if subjects(analysis).loads else 'joint'} by up to {max(motions):.1f}°."
-    )
+        return None
+    return {"torques": format_span(used, "{:.3g}".format), "motion": f"{max(motions):.1f}"}
 
 
-def _device(analysis: StudyAnalysis) -> str:
-    method = f"Method: {method_name(chosen_method(analysis))}."
-    if subjects(analysis).bench:
-        return method
-    if not analysis.provenance.get("study"):
-        return method
+def _device(analysis: StudyAnalysis) -> Row | None:
+    """Return the coupling of the device, as it was used and as the study states it."""
+    if subjects(analysis).bench or not analysis.provenance.get("study"):
+        return None
     stated, by_method = study_spec(analysis).coupling, COUPLING_OF.get(chosen_method(analysis))
     used = analysis.settings.get("coupling") or by_method or stated or "strap"
-    words = _COUPLINGS.get(used, str(used))
-    if not stated:
-        words += " (assumed; the study does not state it)"
-    elif stated != used:
-        words += f" (assumed; the study states: {_COUPLINGS.get(stated, str(stated))})"
-    return f"Device: {words}. {method}"
+    return {
+        "used": _COUPLINGS.get(used, used),
+        "stated": _COUPLINGS[stated] if stated else "",
+        "as_stated": stated == used,
+    }
 
 
 # --- table ---------------------------------------------------------------------------------------
@@ -188,7 +167,6 @@ def _table(analysis: StudyAnalysis) -> Row | None:
     parameters = _table_parameters(analysis, classical)
     if not shown_parameters(cells_of_both(analysis, classical)):
         return None
-    heads = [{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters]
     means = [m for m in people_means(analysis) if m.parameter in parameters]
     several = len({c.label for c in analysis.cells}) > 1
     level = f"{100 * analysis.settings.get('ci_level', 0.95):g} % interval"
@@ -211,7 +189,7 @@ def _table(analysis: StudyAnalysis) -> Row | None:
         ]
         note = f"Estimate [{level}]."
     return {
-        "heads": heads,
+        "heads": parameters,
         "rows": rows[:_MOST_ROWS],
         "several": several and not known,
         "more": max(0, len(rows) - _MOST_ROWS),
@@ -271,7 +249,7 @@ def _said(analysis: StudyAnalysis) -> list[str]:
     if not estimates:
         return []
     sentences = [_decided(analysis, estimates), _means(analysis), published_clause(analysis)]
-    return [s for s in (*sentences, _meaning(analysis)) if s]
+    return [s for s in sentences if s]
 
 
 def _decided(
@@ -341,28 +319,15 @@ def _means(analysis: StudyAnalysis) -> str:
     return f"Means over {many} available: {joined(texts)} timing points.{extremes}"
 
 
-def _meaning(analysis: StudyAnalysis) -> str:
-    """Say which displacement, and which moment, K belongs to."""
-    if subjects(analysis).loads or not any(
-        p.available for c in analysis.cells for p in c.parameters if p.name == "stiffness"
-    ):
-        return ""
-    names = {p.name for c in analysis.cells for p in c.parameters}
+def _meaning(analysis: StudyAnalysis) -> Row | None:
+    """Return which displacement, and which moment, K belongs to."""
+    estimates = [p for c in analysis.cells for p in c.parameters]
+    if subjects(analysis).loads or not any(p.available for p in estimates if p.name == "stiffness"):
+        return None
     shifts = [np.degrees(c.displacement_rad) for c in analysis.cells if c.displacement_rad]
-    size = f" of up to {max(shifts):.1f}°" if shifts else ""
-    with_device = (
-        " The device's inertia is subtracted from J."
-        if _device_inertia_is_known(analysis)
-        else " J includes the device."
-    )
-    if not names.isdisjoint(AT_ONSET):
-        return f"{_WHAT_K_MEANS}.{with_device}"
-    return (
-        f"K applies to displacements{size} within the window after the onset; small displacements "
-        f"may be met by a higher stiffness.{with_device}"
-    )
-
-
-def _device_inertia_is_known(analysis: StudyAnalysis) -> bool:
-    """Return whether an inertia of the device was subtracted anywhere."""
-    return any(c.intrinsic_inertia for c in calibrations(analysis))
+    return {
+        "at_onset": any(p.name in AT_ONSET for p in estimates),
+        "size": f" of up to {max(shifts):.1f}°" if shifts else "",
+        # an inertia of the device was subtracted somewhere
+        "device_known": any(c.intrinsic_inertia for c in calibrations(analysis)),
+    }

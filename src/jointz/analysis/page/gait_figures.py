@@ -9,7 +9,7 @@ import numpy as np
 from jointz.analysis.device_effect import stored_device_effect, strides_by_person
 from jointz.core.gait_phases import circular_mean_pct
 from jointz.report.style import legend_line, new_figure, panel_heading, place_legend, place_panels
-from jointz.report.subjects import subjects, timing_points
+from jointz.report.subjects import timing_points
 from jointz.results.estimates import CellEstimate
 from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, PANEL, SMALL_PT, VERMILION
 from jointz.results.mean_stride import MeanStride
@@ -58,7 +58,7 @@ class _Condition:
 
 def draw_gait(analysis: StudyAnalysis) -> "Figure | None":
     """Draw mean angle and torque over the cycle with the onsets, and the effect of the device."""
-    conditions = _shown_conditions(analysis)
+    conditions = shown_conditions(analysis)
     if not conditions:
         return None
     test = stored_device_effect(analysis.statistics)
@@ -87,25 +87,7 @@ def draw_gait(analysis: StudyAnalysis) -> "Figure | None":
     return figure
 
 
-def gait_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure of the mean stride."""
-    several = any(len(c.angle) > 1 for c in _shown_conditions(analysis).values())
-    spread = "between participants" if several else "between strides"
-    text = (
-        f"Mean of strides without a pulse; band: SD {spread}. Vertical lines: mean onsets of the "
-        "pulses."
-    )
-    test = stored_device_effect(analysis.statistics)
-    if test is None:
-        return text
-    return (
-        f"{text} Right: angle with minus without the device, mean of {test.n_a} participants, with "
-        f"its {100 * (1 - test.alpha):.0f} % band for the whole cycle (statistical parametric "
-        "mapping, paired t test); shaded where it differs from zero."
-    )
-
-
-def _shown_conditions(analysis: StudyAnalysis) -> dict[str, _Condition]:
+def shown_conditions(analysis: StudyAnalysis) -> dict[str, _Condition]:
     """Return the conditions without the device and with it."""
     people = strides_by_person(analysis.mean_strides)
     # Perturbed recordings are drawn if nothing else was recorded with the device.
@@ -209,21 +191,6 @@ def draw_pulse_example(analysis: StudyAnalysis) -> "Figure | None":
     ]
     place_legend(figure, handles)
     return figure
-
-
-def pulse_example_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure of one pulse."""
-    cell = example_cell(analysis)
-    if cell is None or cell.example is None:
-        return ""
-    word = subjects(analysis).point
-    at = f"{cell.example.onset_s:.2f} s"
-    return (
-        f"One pulse of {cell.label} at {cell.timing_point}, {at} into its recording: the {word} "
-        "of median VAF, and its pulse of median distance from the average. The fit is to the "
-        f"average of {cell.example.n_averaged} such pulses, so the residual includes what differs "
-        "from pulse to pulse."
-    )
 
 
 def example_cell(analysis: StudyAnalysis) -> CellEstimate | None:

@@ -8,12 +8,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from jointz.analysis.classical import cells_of_both, classical_analysis
-from jointz.analysis.summary import (
-    counted_people_and_pulses,
-    has_onsets,
-    interval_methods,
-    mean_interval,
-)
 from jointz.core.channels import axis_label
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.report.style import (
@@ -26,7 +20,7 @@ from jointz.report.style import (
     shade_phases,
 )
 from jointz.report.subjects import shown_parameters, subjects, timing_points
-from jointz.report.wording import ABSOLUTE, format_count, onset_note, parameter_name
+from jointz.report.wording import ABSOLUTE, format_count, parameter_name
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.figure_style import BLUE, COLUMN_MM, FAINT, GREY, INK, SKY, WIDTH_MM
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
@@ -41,14 +35,10 @@ _LEGEND_ROW_MM: Final = 4.0
 _MOST_NARROW_TICKS: Final = 8
 #: Where the name of the first phase, which stands left of its band, has room in a column.
 _NARROW_START_PCT: Final = -9.0
-_CLASSICAL_MARK: Final = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
+_MEAN_MARK: Final = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
 _WIDEST_FAN_PCT: Final = 4.5
 # An interval this many times longer than the largest value would hide all others.
 _LONGEST_INTERVAL: Final = 1.8
-_PHASE_NAMES: Final = (
-    "initial contact (ICO), loading response (LRE), mid-stance (MST), terminal stance (TST), "
-    "pre-swing (PSW), initial swing (ISW), mid-swing (MSW), terminal swing (TSW)"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +97,7 @@ def draw_impedance_over_gait(
 
 def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
     """Draw people and means over them in one row of panels, for the first page of a report."""
-    beside = _overview_marks(analysis)
+    beside = overview_marks(analysis)
     parameters = list(beside)
     if not parameters:
         return None
@@ -121,68 +111,20 @@ def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
     )
     for axes, parameter in zip(panels, parameters, strict=True):
         _draw_parameter(axes, analysis, parameter, _THIRD, beside=beside[parameter])
-    bars = {m.parameter for m in _means(analysis, parameters)} < set(parameters)
+    bars = {m.parameter for m in mean_estimates(analysis, parameters)} < set(parameters)
     handles = _legend(analysis, parameters, people_bars=bars)
     if any(beside.values()):
-        handles.append(legend_line("classical", GREY, **_CLASSICAL_MARK))
+        handles.append(legend_line("classical", GREY, **_MEAN_MARK))
     place_legend(figure, handles)
     return figure
 
 
-def overview_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure on the first page."""
-    where = "over the gait cycle" if has_onsets(analysis) else f"at each {subjects(analysis).point}"
-    text = f"Impedance {where}."
-    if has_onsets(analysis):
-        text += " Grey bands: gait phases."
-    if _means(analysis, shown_parameters(analysis.cells)):
-        text += " Figure 2 has the intervals of each participant."
-    beside = _overview_marks(analysis)
-    if any(beside.values()):
-        text += " Grey diamonds: classical values where the joint's own is not available."
-    return text + _missing_panels(analysis, list(beside))
-
-
-def impedance_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure."""
-    words = subjects(analysis)
-    walking = has_onsets(analysis)
-    intervals = "; ".join(interval_methods(analysis)) or "as stated by the method"
-    note = onset_note(p.name for c in analysis.cells for p in c.parameters)
-    note = f" {note} Values at the onset are not drawn." if note else ""
-    axis = (
-        "Participants are spread sideways in the order of the table. Bands: phases of the gait "
-        f"cycle, {_PHASE_NAMES}."
-        if walking
-        else f"{words.points.capitalize()} are in the order of the study."
-    )
-    return (
-        f"Impedance {'over the gait cycle' if walking else f'at each {words.point}'}. Points with "
-        f"bars: estimates of each {words.one} with their intervals ({intervals})."
-        f"{_other_marks(analysis)} {axis}{note}{_missing_panels(analysis)} "
-        f"n: {counted_people_and_pulses(analysis)}."
-    )
-
-
-def _other_marks(analysis: StudyAnalysis) -> str:
-    text = ""
-    if any(m.n_participants > 1 for m in analysis.population):
-        text += f" Diamonds: means over participants with {mean_interval(analysis)}."
-    if any(p.status == "at_bound" for c in analysis.cells for p in c.parameters):
-        text += (
-            " Open triangles: estimates at their bound, drawn at the upper limit of a one-sided "
-            "interval."
-        )
-    return text
-
-
-def _missing_panels(analysis: StudyAnalysis, drawn: Sequence[str] = ()) -> str:
+def quantities_without_panel(analysis: StudyAnalysis, drawn: Sequence[str] = ()) -> list[str]:
     """Name the quantities without an available estimate: they have no panel."""
     estimates = [p for c in analysis.cells for p in c.parameters]
     missing = {p.name for p in estimates} - {p.name for p in estimates if p.available}
     missing -= {name.removesuffix("_per_mass") for name in drawn}
-    names = [parameter_name(n).lower() for n in ABSOLUTE if n in missing]
-    return f" Not drawn: {' and '.join(names)} (no estimate is available)." if names else ""
+    return [parameter_name(n).lower() for n in ABSOLUTE if n in missing]
 
 
 def _draw_impedance(
@@ -220,7 +162,7 @@ def _draw_parameter(
     beside: Mapping[str, _Mark] | None = None,
 ) -> None:
     estimates = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
-    means = _means(analysis, [parameter])
+    means = mean_estimates(analysis, [parameter])
     groups = {c.timing_point for c, p in estimates if p.available}
     grey: list[_Mark] = []
     if groups == {ALL_POINTS}:
@@ -231,7 +173,7 @@ def _draw_parameter(
         )
         marks = _fan_out(estimates, positions, fan, with_mean=bool(means))
         placed = [m for m in means if m.timing_point in positions]
-        mean_marks = [_mean_mark(m, positions[m.timing_point]) for m in placed]
+        mean_marks = [_mark(m, positions[m.timing_point]) for m in placed]
         grey = [replace(mark, x=positions[name]) for name, mark in (beside or {}).items()]
     if mean_marks and not layout.bars_beside_means:
         marks = [replace(m, low=None, high=m.high if m.at_bound else None) for m in marks]
@@ -253,7 +195,7 @@ def _draw_parameter(
     panel_heading(axes, parameter_name(parameter), note=note, stacked=layout.narrow)
 
 
-def _overview_marks(analysis: StudyAnalysis) -> dict[str, dict[str, _Mark]]:
+def overview_marks(analysis: StudyAnalysis) -> dict[str, dict[str, _Mark]]:
     """Return the parameters that have a value to draw -> timing point -> classical value."""
     classical = classical_analysis(analysis)
     marks = _classical_marks(analysis, classical)
@@ -274,15 +216,12 @@ def _classical_marks(
         return marks
     own = {(c.timing_point, p.name) for c in analysis.cells for p in c.parameters if p.available}
     own |= {(m.timing_point, m.parameter) for m in analysis.population if m.value is not None}
-    if len({c.label for c in classical.cells}) > 1:
-        several = (m for m in classical.population if m.value is not None)
-        found = [((m.timing_point, m.parameter), _mean_mark(m, 0.0)) for m in several]
-    else:
-        alone = ((c, p) for c in classical.cells for p in c.parameters if p.status == "ok")
-        found = [((c.timing_point, p.name), _mark(p, 0.0)) for c, p in alone]
-    for (point, parameter), mark in found:
-        if (point, parameter) not in own:
-            marks[parameter][point] = mark
+    several = len({c.label for c in classical.cells}) > 1
+    means = [(m.timing_point, m.parameter, m) for m in classical.population if m.value is not None]
+    alone = [(c.timing_point, p.name, p) for c in classical.cells for p in c.parameters]
+    for point, parameter, estimate in means if several else alone:
+        if (several or estimate.status == "ok") and (point, parameter) not in own:
+            marks[parameter][point] = _mark(estimate, 0.0)
     return marks
 
 
@@ -298,7 +237,7 @@ def _fit_to_column(axes: "Axes") -> None:
     axes.set_xlim(left=min(axes.get_xlim()[0], _NARROW_START_PCT))
 
 
-def _means(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[PopulationEstimate]:
+def mean_estimates(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[PopulationEstimate]:
     """Return the means over more than one participant."""
     means = (m for m in analysis.population if m.parameter in parameters)
     return [m for m in means if m.value is not None and m.n_participants > 1]
@@ -316,7 +255,7 @@ def _draw_people_axis(
     axes.set_xticks(range(len(names)), names, rotation=45 if len(names) > 16 else 0)
     axes.set_xlabel("Participant (one value for all timing points)")
     marks = [_mark(p, people.index(c.label)) for c, p in estimates if p.available]
-    return marks, [_mean_mark(m, len(people)) for m in means[:1]]
+    return marks, [_mark(m, len(people)) for m in means[:1]]
 
 
 def _group_axis(
@@ -372,15 +311,9 @@ def _offsets(count: int, fan: float, *, gap: bool) -> np.ndarray:
     return np.concatenate([left, right])
 
 
-def _mark(estimate: ParameterEstimate, x: float) -> _Mark:
+def _mark(estimate: ParameterEstimate | PopulationEstimate, x: float) -> _Mark:
     value = estimate.value if estimate.value is not None else estimate.ci_low or 0.0
-    at_bound = estimate.status == "at_bound"
-    return _Mark(x, value, estimate.ci_low, estimate.ci_high, at_bound)
-
-
-def _mean_mark(mean: PopulationEstimate, x: float) -> _Mark:
-    value = mean.value if mean.value is not None else np.nan
-    return _Mark(x, value, mean.ci_low, mean.ci_high, mean.status == "at_bound")
+    return _Mark(x, value, estimate.ci_low, estimate.ci_high, estimate.status == "at_bound")
 
 
 def _draw_marks(
@@ -500,9 +433,8 @@ def _legend(
     bar = {} if people_bars else {"linestyle": "none"}
     text = f"{label}, {level}" if people_bars else label
     handles = [legend_line(text, SKY, **dot, **bar)]
-    if _means(analysis, parameters):
-        diamond = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
-        handles.append(legend_line(f"mean over participants, {level}", INK, **diamond))
+    if mean_estimates(analysis, parameters):
+        handles.append(legend_line(f"mean over participants, {level}", INK, **_MEAN_MARK))
     if any(p.status == "at_bound" for p in drawn):
         open_triangle = {"marker": "v", "markerfacecolor": "white", "markeredgecolor": BLUE}
         handles.append(legend_line("at its bound: upper limit only", SKY, **open_triangle))

@@ -6,16 +6,12 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.analysis.device_effect import stored_device_effect
-from jointz.report.wording import format_number, joined, parameter_name
+from jointz.report.wording import format_number, parameter_name
 from jointz.results.study_analysis import StudyAnalysis
 
 _FACTORS: Final = {"timing_point": "Timing point", "session": "Session", "side": "Side"}
 _ALPHA: Final = 0.05
 _SMALLEST_P: Final = 1e-3
-_UNTESTED: Final = (
-    "Whether the device changes the gait is not tested: that needs three participants with "
-    "recordings without the device (no_device) and unperturbed ones with it, of one side."
-)
 #: More pairs than these would hide the result.
 _MOST_PAIRS: Final = 6
 
@@ -43,27 +39,22 @@ def format_p(p: float) -> str:
     return f"{p:.3f}" if p >= _SMALLEST_P else f"< {_SMALLEST_P:g}"
 
 
-def device_effect_clause(analysis: StudyAnalysis) -> str:
-    """Return a sentence about the effect of the device on the angle, or ""."""
+def device_effect_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
+    """Return the test of the device's effect on the angle; None without mean strides or test."""
     test = stored_device_effect(analysis.statistics)
     if test is None:
-        return _UNTESTED if analysis.mean_strides else ""
-    n, joint = test.n_a, analysis.settings.get("joint", "joint")
-    if not test.clusters:
-        return (
-            f"No effect of the device on the mean {joint} angle was found in {n} participants "
-            "(SPM, paired t); the figure shows which differences are not ruled out."
-        )
+        return {"tested": False} if analysis.mean_strides else None
     nodes = len(test.t) - 1
-    spans = [
-        f"{100 * c.start_node / nodes:.0f} to {100 * c.end_node / nodes:.0f} % "
-        f"(p {_with_sign(format_p(c.p))})"
-        for c in test.clusters
-    ]
-    return (
-        f"The device changes the mean {joint} angle of {n} participants at {joined(spans)} of the "
-        "cycle (SPM, paired t)."
-    )
+    return {
+        "tested": True,
+        "n": test.n_a,
+        "joint": analysis.settings.get("joint", "joint"),
+        "spans": [
+            f"{100 * c.start_node / nodes:.0f} to {100 * c.end_node / nodes:.0f} % "
+            f"(p {_with_sign(format_p(c.p))})"
+            for c in test.clusters
+        ],
+    }
 
 
 def _with_sign(p: str) -> str:

@@ -1,6 +1,6 @@
 """Section of the report on the methods bayesian and dissertation: why they differ."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -52,11 +52,11 @@ def differences_section(analysis: StudyAnalysis) -> _Row | None:
         return None
     names = timing_points([p.bayesian for p in pairs])
     return {
-        "lead": _unbroken(_lead(pairs)),
+        "lead": _lead(pairs),
         "rows": [
             _row(name, [p for p in pairs if p.bayesian.timing_point == name]) for name in names
         ],
-        "reasons": [(head, _unbroken(text)) for head, text in _reasons(analysis, pairs)],
+        "reasons": _reasons(analysis, pairs),
     }
 
 
@@ -204,7 +204,7 @@ def _lead(pairs: Sequence[_Pair]) -> str:
     for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True):
         percent = _differences(pairs, name)
         if percent.size:
-            sizes.append(f"{np.sqrt(np.mean(percent**2)):.0f} % in {symbol}")
+            sizes.append(f"{np.sqrt(np.mean(percent**2)):.0f}\N{NO-BREAK SPACE}% in {symbol}")
     text = (
         "Both methods analysed the same recordings; each excludes the pulses that it cannot use. "
         "The dissertation's method differs from the method bayesian"
@@ -212,93 +212,35 @@ def _lead(pairs: Sequence[_Pair]) -> str:
     return f"{text} by {joined(sizes)} (root mean square)." if sizes else f"{text}."
 
 
-def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> list[tuple[str, str]]:
-    return [
-        ("Lag.", _lag_reason(analysis, pairs)),
-        ("Baseline.", _baseline_reason(pairs)),
-        ("Inertia.", _inertia_reason(pairs)),
-        ("Intervals.", _interval_reason(pairs)),
-    ]
-
-
-def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
+def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> _Row:
+    """Return the facts about lag, baseline, inertia and intervals."""
     lags = [1e3 * (_estimated_lag_s(p.bayesian) or 0.0) for p in pairs]
-    text = f"The estimated lag of the angle behind the torque is {_span_ms(lags)}."
-    if max(abs(p.lag_s) for p in pairs) < _SAME_LAG_S:
-        return (
-            f"{text} It agrees with [calibration], and both methods correct it; the lag does not "
-            "cause a difference here."
-        )
-    calibrated = any(abs(_calibrated_lag_s(analysis, p.bayesian)) > 0.0 for p in pairs)
-    treatment = (
-        "corrects the lag under [calibration] only, not the rest"
-        if calibrated
-        else "treats angle and torque as simultaneous, as [calibration] has no lag"
-    )
-    return (
-        f"{text} The dissertation's method {treatment}; a late angle biases K, B and J. The "
-        "method bayesian estimates the lag, and its intervals include the uncertainty of the lag."
-    )
-
-
-def _span_ms(values: Sequence[float]) -> str:
-    if max(values) - min(values) < _SAME_LAG_MS:
-        return f"{min(values):.1f} ms"
-    return f"{format_span(values, '{:.1f}'.format)} ms"
-
-
-def _baseline_reason(pairs: Sequence[_Pair]) -> str:
+    alike = max(lags) - min(lags) < _SAME_LAG_MS
     apart = [p.apart_deg for p in pairs if np.isfinite(p.apart_deg)]
-    text = (
-        "The dissertation's method subtracts the mean unperturbed stride of another recording; "
-        "the method bayesian predicts the unperturbed motion of each pulse from the half second "
-        "before it, learned from strides of the same recording."
-    )
-    if not apart:
-        return text
-    return (
-        f"{text} The two average angles, one low-pass filtered and one as sampled, are up to "
-        f"{max(apart):.1f}° apart (median {np.median(apart):.1f}°)."
-    )
+    bayesian, other = [p.bayesian for p in pairs], [p.other for p in pairs]
+    inertias = [_inertia_spread(cells) for cells in (other, bayesian)]
+    return {
+        "lag": f"{min(lags):.1f}" if alike else format_span(lags, "{:.1f}".format),
+        "same_lag": max(abs(p.lag_s) for p in pairs) < _SAME_LAG_S,
+        "calibrated": any(abs(_calibrated_lag_s(analysis, cell)) > 0.0 for cell in bayesian),
+        "apart": (max(apart), np.median(apart)) if apart else None,
+        "inertias": None if None in inertias else inertias,
+        "widths": [
+            f"{symbol} {_half_width(bayesian, name)} and {_half_width(other, name)}"
+            for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True)
+        ],
+    }
 
 
-def _inertia_reason(pairs: Sequence[_Pair]) -> str:
-    bayesian, other = (
-        _inertia_spread(pairs, get) for get in (lambda p: p.bayesian, lambda p: p.other)
-    )
-    text = (
-        "The dissertation's method fits a separate inertia at each timing point; in the method "
-        "bayesian, timing points share one as far as the responses allow."
-    )
-    if bayesian is None or other is None:
-        return text
-    return (
-        f"{text} Largest over smallest inertia of a participant: {other} by the dissertation's "
-        f"method, {bayesian} by the method bayesian (median)."
-    )
-
-
-def _inertia_spread(pairs: Sequence[_Pair], get: Callable[[_Pair], CellEstimate]) -> str | None:
+def _inertia_spread(cells: Sequence[CellEstimate]) -> str | None:
+    """Return the largest over the smallest inertia of a participant, the median over them."""
     inertias: dict[str, list[float]] = {}
-    for cell in map(get, pairs):
+    for cell in cells:
         estimate = cell.parameter("inertia")
         if estimate is not None and estimate.available and estimate.value:
             inertias.setdefault(cell.label, []).append(estimate.value)
     ratios = [max(v) / min(v) for v in inertias.values() if len(v) > 1]
     return format_number(float(np.median(ratios))) if ratios else None
-
-
-def _interval_reason(pairs: Sequence[_Pair]) -> str:
-    bayesian, other = [p.bayesian for p in pairs], [p.other for p in pairs]
-    widths = [
-        f"{symbol} {_half_width(bayesian, name)} and {_half_width(other, name)}"
-        for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True)
-    ]
-    return (
-        f"Intervals of the dissertation's method include only differences between pulses; those of "
-        "the method bayesian also lag, prediction, calibration and model. "
-        f"Median half width, bayesian and {DISSERTATION}: {joined(widths)}."
-    )
 
 
 def _half_width(cells: Iterable[CellEstimate], name: str) -> str:
@@ -307,12 +249,7 @@ def _half_width(cells: Iterable[CellEstimate], name: str) -> str:
         for cell in cells
         if (p := cell.parameter(name)) is not None and p.status == "ok" and p.value
     ]
-    return f"{float(np.median(widths)):.0f} %" if widths else DASH
-
-
-def _unbroken(text: str) -> str:
-    """Keep a number and its % in one line."""
-    return text.replace(" %", "\N{NO-BREAK SPACE}%")
+    return f"{np.median(widths):.0f}\N{NO-BREAK SPACE}%" if widths else DASH
 
 
 # The low-pass needs a few periods of its cut-off; the pulse continues after the window.

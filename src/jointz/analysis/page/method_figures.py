@@ -7,11 +7,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.analysis.page.method_means import available, cells_by_method, method_mean
-from jointz.analysis.summary import (
-    chosen_method,
-    counted_people,
-    means_of_people_together,
-)
+from jointz.analysis.summary import chosen_method
 from jointz.core.channels import PARAMETER_UNITS, axis_label, pretty_unit
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.style import legend_line, new_figure, panel_heading, place_legend, place_panels
@@ -49,10 +45,6 @@ _LONGEST_REACH: Final = 1.5  # of the panels of truth, with intervals over witho
 _LEFT_MM: Final = 14.0
 #: Height of a panel as wide as it is high, with its margin.
 _SQUARE_MM: Final = (WIDTH_MM - 2.0) / 3 - _LEFT_MM - 4.0
-TRUTH_CAPTION: Final = (
-    "Estimates against the truth of the simulation. Filled: the interval contains the truth; "
-    "open: it does not. Line: equality."
-)
 
 
 def draw_methods(analysis: StudyAnalysis) -> "Figure | None":
@@ -74,25 +66,6 @@ def draw_methods(analysis: StudyAnalysis) -> "Figure | None":
         _draw_method_panel(axes, analysis, parameter, looks)
     place_legend(figure, _method_legend(looks, chosen))
     return figure
-
-
-def methods_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure of the methods."""
-    words = subjects(analysis)
-    other_means = (
-        " Means of the chosen method are those of the table, from the model of all participants "
-        "together."
-        if means_of_people_together(analysis)
-        else ""
-    )
-    return (
-        "The chosen method beside the others on the same recordings; each method excludes the "
-        f"pulses that it cannot use. Points: means over the {words.many} with an estimate. Bars: "
-        f"t interval over {words.many}; with one {words.one}, the {words.one}'s own interval. An "
-        "estimate at its bound counts with the value of the bound. Dots: the single estimates, "
-        f"where their mean is undecided.{other_means} "
-        f"n: {counted_people(analysis)}."
-    )
 
 
 def draw_truth(truth: pd.DataFrame) -> "Figure | None":

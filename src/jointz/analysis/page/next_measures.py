@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from jointz.analysis.page.uncertainty_section import (
     HELD,
     MEASURES,
+    half_widths_without,
     is_withheld,
     main_contradiction,
     parts_by_source,
@@ -19,7 +19,7 @@ from jointz.analysis.summary import used_coupling
 from jointz.core.codes import Doubt
 from jointz.report.subjects import nobody_perturbed, shown_parameters, subjects
 from jointz.report.wording import ABSOLUTE, exclusion_meaning, format_count, parameter_name
-from jointz.results.estimates import CellEstimate, decides, relative_half_width
+from jointz.results.estimates import CellEstimate, decides
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 from jointz.results.study_counts import study_counts
 
@@ -52,12 +52,8 @@ _FEWEST_PEOPLE: Final = 3  # from which a number of people can be extrapolated
 _MOST_PEOPLE: Final = 500
 
 
-@dataclass(frozen=True, slots=True)
-class _Gain:
-    """Half-widths of one undecided value over the value: now, and if a source were known."""
-
-    now: float
-    left: Mapping[str, float]  # by source
+#: Half-width of a value over the value: now, and by source if that source were known.
+_Gain = tuple[float, Mapping[str, float]]
 
 
 def next_measures(analysis: StudyAnalysis) -> list[str]:
@@ -100,8 +96,11 @@ def holds_one_torque(analysis: StudyAnalysis, cell: CellEstimate) -> bool:
 def instrument_shares(analysis: StudyAnalysis) -> str:
     """Say how much of the variance exact knowledge of each instrument would remove, or ""."""
     gains = [*_gains(analysis, undecided_only=False)]
-    names = {n for g in gains for n in g.left if n in _INSTRUMENTS}
-    shares = {n: float(np.median([_share(g, n) for g in gains])) for n in names}
+    names = {n for _, left in gains for n in left if n in _INSTRUMENTS}
+    shares = {
+        n: float(np.median([1.0 - (left.get(n, now) / now) ** 2 for now, left in gains]))
+        for n in names
+    }
     ordered = [n for n in sorted(shares, key=lambda n: (-shares[n], n)) if shares[n] >= _SMALLEST]
     if not ordered:
         return ""
@@ -111,10 +110,6 @@ def instrument_shares(analysis: StudyAnalysis) -> str:
         f"leg were known exactly (median over all estimates): {', '.join(texts)}. The shares "
         "overlap and do not add up."
     )
-
-
-def _share(gain: _Gain, name: str) -> float:
-    return 1.0 - (gain.left.get(name, gain.now) / gain.now) ** 2
 
 
 def _gains(analysis: StudyAnalysis, *, undecided_only: bool = True) -> Iterator[_Gain]:
@@ -128,24 +123,17 @@ def _gains(analysis: StudyAnalysis, *, undecided_only: bool = True) -> Iterator[
             if estimate.ci_low is None or (undecided_only and estimate.status != "undecided"):
                 continue
             parts = parts_by_source(cell, name, coupling)
-            yield _gain(estimate.unbounded, sd, parts)
-
-
-def _gain(value: float, sd: float, parts: Mapping[str, float]) -> _Gain:
-    left = {n: relative_half_width(_remaining(sd, part / value)) for n, part in parts.items()}
-    return _Gain(relative_half_width(sd), left)
-
-
-def _remaining(sd: float, part: float) -> float:
-    return float(np.sqrt(max(sd**2 - part**2, 0.0)))
+            yield half_widths_without(sd, estimate.unbounded, parts)
 
 
 def _ranked(gains: list[_Gain], undecided: int) -> list[str]:
     """Return a sentence for each measure that helps, the most useful one first."""
-    decided = Counter(n for g in gains for n, left in g.left.items() if _decides(g, left))
+    # A narrow interval may be withheld for another reason, which no measurement removes.
+    wide = [left for now, left in gains if not decides(1.0, now)]
+    decided = Counter(n for left in wide for n, half in left.items() if decides(1.0, half))
     narrower = {
-        name: float(np.median([1.0 - g.left.get(name, g.now) / g.now for g in gains]))
-        for name in {n for g in gains for n in g.left}
+        name: float(np.median([1.0 - left.get(name, now) / now for now, left in gains]))
+        for name in {n for _, left in gains for n in left}
     }
     ordered = sorted(narrower, key=lambda n: (-decided[n], -narrower[n], n))
     worth = [n for n in ordered if decided[n] or narrower[n] >= _WORTH_NAMING]
@@ -154,11 +142,6 @@ def _ranked(gains: list[_Gain], undecided: int) -> list[str]:
             "No single measurement would make the intervals of the undecided values much narrower."
         ]
     return [_sentence(n, decided[n], narrower[n], undecided) for n in worth]
-
-
-def _decides(gain: _Gain, left: float) -> bool:
-    # A narrow interval may be withheld for another reason, which no measurement removes.
-    return decides(1.0, left) and not decides(1.0, gain.now)
 
 
 def _sentence(name: str, decided: int, narrower: float, total: int) -> str:

@@ -1,6 +1,5 @@
 """Section of the report that sets estimates beside published values."""
 
-from dataclasses import dataclass
 from functools import partial
 from statistics import fmean, stdev
 from typing import Any, Final
@@ -22,13 +21,8 @@ from jointz.results.study_analysis import StudyAnalysis
 _COMPARED: Final = ("stiffness_per_mass", "damping_per_mass", "inertia")
 
 
-@dataclass(frozen=True, slots=True)
-class _Ours:
-    """A value of this study: a mean over people, or the estimate of the only one."""
-
-    value: float
-    low: float | None  # lower end of its interval
-    text: str
+#: A mean over people of this study, or the estimate of the only one: value, lower limit, text.
+_Ours = tuple[float, float | None, str]
 
 
 def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
@@ -53,9 +47,9 @@ def published_clause(analysis: StudyAnalysis) -> str:
     """Return a sentence that compares the stiffness with the published means, or ""."""
     ours = _values(_as_published(analysis), "stiffness_per_mass")
     ratios = {
-        point: own.value / _published("stiffness_per_mass", point)[0]
-        for point, own in ours.items()
-        if own.low is not None and own.low > 0.0  # one that may be zero has no ratio
+        point: value / _published("stiffness_per_mass", point)[0]
+        for point, (value, low, _) in ours.items()
+        if low is not None and low > 0.0  # one that may be zero has no ratio
     }
     if not ratios:
         return ""
@@ -79,14 +73,14 @@ def _values(analysis: StudyAnalysis, name: str) -> dict[str, _Ours]:
     means = [m for m in analysis.population if m.parameter == name and m.n_participants > 1]
     if means:
         return {
-            m.timing_point: _Ours(m.value, m.ci_low, format_interval(m.value, m.ci_low, m.ci_high))
+            m.timing_point: (m.value, m.ci_low, format_interval(m.value, m.ci_low, m.ci_high))
             for m in means
             if m.value is not None and m.timing_point in TIMING_POINTS
         }
     if len({c.label for c in analysis.cells}) != 1:
         return {}
     return {
-        c.timing_point: _Ours(p.value, p.ci_low, format_estimate(p))
+        c.timing_point: (p.value, p.ci_low, format_estimate(p))
         for c in analysis.cells
         if c.timing_point in TIMING_POINTS
         and (p := c.parameter(name)) is not None
@@ -105,6 +99,6 @@ def _published(name: str, point: str) -> tuple[float, float]:
 def _cell(name: str, point: str, ours: _Ours | None) -> dict[str, str]:
     mean, sd = _published(name, point)
     return {
-        "ours": DASH if ours is None else ours.text,
+        "ours": DASH if ours is None else ours[2],
         "published": f"{format_number(mean)} ± {format_number(sd, like=mean)}",
     }

@@ -11,11 +11,10 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from jointz.analysis.page.caveats import caveats
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import figures_by_section
 from jointz.analysis.page.first_page import first_page
-from jointz.analysis.page.level_tests_section import device_effect_clause, level_tests_section
+from jointz.analysis.page.level_tests_section import device_effect_section, level_tests_section
 from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.next_measures import instrument_shares
 from jointz.analysis.page.published_values import published_section
@@ -34,8 +33,10 @@ from jointz.analysis.summary import (
     fitted_signals,
     mean_over_people_note,
     stiffness_extremes,
+    used_coupling,
 )
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.method_names import WITH_POSTERIOR
 from jointz.report.html_page import render_template
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
@@ -44,10 +45,7 @@ from jointz.report.wording import (
     AT_ONSET,
     DASH,
     PARAMETERS,
-    exclusion_meaning,
-    format_count,
     format_estimate,
-    format_integer,
     format_number,
     format_span,
     format_spread,
@@ -99,11 +97,12 @@ def render_report(
         first=first_page(analysis),
         extremes=stiffness_extremes(analysis.population),
         no_means=NO_MEANS_ON_A_BENCH,
-        heads=[{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in averaged],
+        averaged=averaged,
+        units=PARAMETER_UNITS,
         population=_population_rows(analysis, averaged),
         figures=figures_by_section(analysis, _without_repeats(figures, run)),
-        columns=[{"name": parameter_name(c), "unit": PARAMETER_UNITS[c]} for c in columns],
-        vaf=_vaf(statistics),
+        columns=columns,
+        vaf=(statistics.get("vaf") or {}).get("mean_pct"),
         people=[]
         if matrix
         else [
@@ -112,7 +111,7 @@ def render_report(
         ],
         matrix=matrix,
         onset_note=onset_note(parameters),
-        statuses=_statuses(analysis),
+        statuses=study_counts(analysis).statuses,
         warnings=statistics.get("warnings", ()),
         notes=statistics.get("notes", ()),
         excluded=_excluded(analysis),
@@ -121,12 +120,13 @@ def render_report(
         recordings=recordings if len(recordings) <= _FIRST_ROWS else [],
         conditions=_conditions(recordings) if len(recordings) > _FIRST_ROWS else [],
         methods=methods_text(analysis),
-        caveats=caveats(analysis),
+        posterior=not words.bench and any(c.method in WITH_POSTERIOR for c in analysis.cells),
+        strap=used_coupling(analysis).is_strap,
         common_number=_common_number(analysis),
         mean_note=mean_over_people_note(analysis),
         effects=effects_section(statistics),
         tests=level_tests_section(statistics),
-        device_effect=device_effect_clause(analysis),
+        device_effect=device_effect_section(analysis),
         packages=_packages(provenance),
         inputs=inputs if len(inputs) <= _FIRST_ROWS else [],
         n_inputs=len(inputs),
@@ -162,12 +162,6 @@ def _script_hash(script: str) -> str:
 def _parameters(analysis: StudyAnalysis) -> list[str]:
     present = {p.name for cell in analysis.cells for p in cell.parameters}
     return [name for name in ALL_PARAMETERS if name in present]
-
-
-def _vaf(statistics: Mapping[str, Any]) -> str:
-    """Return the mean VAF, "" if there is none."""
-    mean = (statistics.get("vaf") or {}).get("mean_pct")
-    return "" if mean is None else format_vaf(mean)
 
 
 def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[Row]:
@@ -211,11 +205,7 @@ def _matrix(analysis: StudyAnalysis, columns: Sequence[str]) -> Row | None:
             {
                 "id": person,
                 "rows": [
-                    {
-                        "name": parameter_name(p),
-                        "unit": PARAMETER_UNITS[p],
-                        "cells": [_matrix_cell(cells.get((person, n)), p) for n in names],
-                    }
+                    {"name": p, "cells": [_matrix_cell(cells.get((person, n)), p) for n in names]}
                     for p in columns
                 ],
             }
@@ -244,7 +234,7 @@ def _cell_row(cell: CellEstimate, columns: Sequence[str]) -> Row:
     return {
         "name": point_name(cell.timing_point),
         "cells": [None if p is None else _estimate_cell(p) for p in estimates],
-        "failure": _badge(common) if common.startswith("failed") else None,
+        "failure": common if common.startswith("failed") else "",
         "vaf": format_vaf(cell.vaf_pct),
         "n_used": cell.n_used,
         "n": cell.n_used + cell.n_excluded,
@@ -252,22 +242,9 @@ def _cell_row(cell: CellEstimate, columns: Sequence[str]) -> Row:
 
 
 def _estimate_cell(estimate: ParameterEstimate) -> Row:
-    badge = None if estimate.status == "ok" else _badge(estimate.status)
     text = format_estimate(estimate)
     # A dash before the badge would add nothing.
-    return {"text": "" if text == DASH else text, "badge": badge}
-
-
-def _badge(status: str) -> Row:
-    kind = short_status(status)
-    return {"kind": kind, "text": kind.replace("_", " "), "meaning": status_meaning(status)}
-
-
-def _statuses(analysis: StudyAnalysis) -> list[Row]:
-    return [
-        {**_badge(status), "status": status, "count": count}
-        for status, count in study_counts(analysis).statuses.most_common()
-    ]
+    return {"text": "" if text == DASH else text, "status": estimate.status}
 
 
 def _excluded(analysis: StudyAnalysis) -> Row:
@@ -275,7 +252,7 @@ def _excluded(analysis: StudyAnalysis) -> Row:
     counts = Counter(zip(frame["kind"], frame["code"], strict=True))
     return {
         "counts": [
-            {"kind": kind, "code": code, "count": count, "meaning": exclusion_meaning(code)}
+            {"kind": kind, "code": code, "count": count}
             for (kind, code), count in sorted(counts.items(), key=lambda i: (i[0][0], -i[1]))
         ],
         "first": frame.head(_FIRST_ROWS).to_dict("records") if len(frame) <= _FIRST_ROWS else [],
@@ -352,44 +329,29 @@ def _size(size_bytes: float | None) -> str:
 
 def run_section(run: RunReport) -> dict[str, Any]:
     """Return what the page shows of a run: pulses, onsets and timing of the control loop."""
-    rows = [{**row, "name": name} for name, row in run.pooled_onsets().to_dict("index").items()]
-    planned = f"{format_count(run.n_planned, 'pulse was', 'pulses were')} planned."
-    return {"rows": rows, "said": f"{planned} {_gaps(run)} {_timing(run)} {run.withdrawn_text}"}
-
-
-def _gaps(run: RunReport) -> str:
-    if not run.gaps:
-        return ""
-    fewest, most = min(g["fewest"] for g in run.gaps), max(g["most"] for g in run.gaps)
-    longer = sum(g["longer_than_planned"] for g in run.gaps)
-    text = f"Pulses were {fewest} to {most} strides apart"
-    if not longer:
-        return f"{text}, as planned."
-    return f"{text}; {longer} came later than planned because the pulse before was missed."
-
-
-def _timing(run: RunReport) -> str:
-    ticks, missed, limited = (
-        sum(t[key] for t in run.timing) for key in ("ticks", "missed_slots", "clamped_ticks")
-    )
-    text = (
-        f"The control loop ran {format_integer(ticks)} ticks, missed {format_integer(missed)} slots"
-    )
-    if not limited:
-        return f"{text} and limited no torque."
-    return f"{text}, and sent less torque than commanded in {format_integer(limited)} ticks."
+    return {
+        "rows": [{**row, "name": n} for n, row in run.pooled_onsets().to_dict("index").items()],
+        "planned": run.n_planned,
+        "gaps": run.gaps
+        and {
+            "fewest": min(g["fewest"] for g in run.gaps),
+            "most": max(g["most"] for g in run.gaps),
+            "longer": sum(g["longer_than_planned"] for g in run.gaps),
+        },
+        "withdrawn": run.withdrawn_text,
+        **{
+            key: sum(t[key] for t in run.timing)
+            for key in ("ticks", "missed_slots", "clamped_ticks")
+        },
+    }
 
 
 _METHODS: Final = {
     "dissertation": "least squares over the response (2.2.3)",
     "pulse_likelihood": "errors-in-variables likelihood over 250 ms",
 }
-_SMALLEST_P: Final = 1e-4
-_EFFECTS: Final = {
-    "type": "type",
-    "direction": "direction",
-    "joint": "type or direction",
-}
+_EFFECTS: Final = {"type": "type", "direction": "direction", "joint": "type or direction"}
+_EFFECT_KEYS: Final = ("case", "trajectory", "response", "effect")
 
 
 def planned_section(statistics: Mapping[str, Any]) -> list[dict[str, Any]] | None:
@@ -418,45 +380,22 @@ def effects_section(statistics: Mapping[str, Any]) -> dict[str, Any] | None:
     tests: dict[tuple[str, ...], dict[str, Mapping[str, Any]]] = {}
     for test in effects["tests"]:
         if test["effect"] in _EFFECTS:
-            key = tuple(str(test[k]) for k in ("case", "trajectory", "response", "effect"))
+            key = tuple(str(test[k]) for k in _EFFECT_KEYS)
             tests.setdefault(key, {})[test["analysis"]] = test
-    methods = effects.get("methods") or ["dissertation"]
     return {
-        "rows": [_row(key, pair, effects["alpha"]) for key, pair in tests.items()],
-        "methods": " and ".join(_METHODS.get(name, name) for name in methods),
+        "rows": [
+            dict(zip(_EFFECT_KEYS, key, strict=True))
+            | {
+                "effect": _EFFECTS[key[-1]],
+                "one_way": own.get("one_way"),
+                "mixed": own.get("mixed"),
+            }
+            for key, own in tests.items()
+        ],
+        "methods": [_METHODS.get(n, n) for n in effects.get("methods") or ["dissertation"]],
+        "alpha": effects["alpha"],
         "notes": effects["notes"],
     }
-
-
-def _row(
-    key: tuple[str, ...], tests: Mapping[str, Mapping[str, Any]], alpha: float
-) -> dict[str, Any]:
-    case, trajectory, response, effect = key
-    p_holm = tests.get("mixed", {}).get("p_holm")
-    return {
-        "case": case,
-        "trajectory": trajectory,
-        "response": response,
-        "effect": _EFFECTS[effect],
-        **{name: _test(tests.get(name, {})) for name in ("one_way", "mixed")},
-        "p_holm": _p(p_holm),
-        "matters": p_holm is not None and p_holm < alpha,
-    }
-
-
-def _test(test: Mapping[str, Any]) -> dict[str, str]:
-    if not test:
-        return {"f": "", "p": ""}
-    if test.get("p") is None:
-        return {"f": str(test.get("code", "")).replace("_", " "), "p": DASH}
-    degrees = f"({test['df_num']:.0f}, {test['df_den']:.3g})"
-    return {"f": f"{format_number(test['statistic'])} {degrees}", "p": _p(test["p"])}
-
-
-def _p(value: float | None) -> str:
-    if value is None:
-        return DASH
-    return f"{value:.2g}" if value >= _SMALLEST_P else f"< {_SMALLEST_P:.4f}"
 
 
 def truth_section(truth: pd.DataFrame, accuracy: pd.DataFrame | None = None) -> Row:
@@ -477,23 +416,5 @@ def truth_section(truth: pd.DataFrame, accuracy: pd.DataFrame | None = None) -> 
                     "n": len(rows),
                 }
             )
-    return {"summary": summary, "protocols": _protocol_rows(accuracy)}
-
-
-def _protocol_rows(accuracy: pd.DataFrame | None) -> list[Row]:
-    if accuracy is None:
-        return []
-    return [
-        {
-            "protocol": row["protocol"],
-            "name": parameter_name(row["parameter"]),
-            "decided": f"{row['n_decided']} of {row['n_cells']}",
-            "rms_pct": _rounded(row["rms_error_pct"]),
-            "coverage_pct": _rounded(row["coverage"], times=100.0),
-        }
-        for row in accuracy.to_dict("records")
-    ]
-
-
-def _rounded(value: float | None, *, times: float = 1.0) -> str:
-    return DASH if value is None else f"{times * value:.0f}"
+    protocols = [] if accuracy is None else accuracy.to_dict("records")
+    return {"summary": summary, "protocols": protocols}

@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from jointz.analysis.summary import counted_people_and_pulses, fitted_signals
 from jointz.report.pulse_words import onset_is_commanded
 from jointz.report.style import (
     broken_line,
@@ -47,15 +46,8 @@ _NAMES_IN_A_LINE: Final = 50
 # Share of a panel's height kept free for the text in it.
 _HEADROOM: Final = 0.30
 
-_SHAPES_APART: Final = (
-    " Pulses of several shapes, sizes or signs are averaged apart, one curve each, as signed."
-)
-
 #: Participants from which on all responses are drawn on top of each other.
 _BAND_FROM: Final = 4
-#: Kinds of examples, from the best to the worst VAF.
-_EXAMPLES: Final = ("best fit", "median fit", "worst fit")
-
 _Cells = Mapping[tuple[str, str], CellEstimate]
 
 
@@ -66,6 +58,22 @@ class _Row:
     participant: str  # label with session and side
     names: Sequence[str]  # timing points of the panels
     first: bool  # whether it is the participant's first row
+
+
+class _Block(NamedTuple):
+    """One half of a figure: the panels of one quantity."""
+
+    left_mm: float
+    quantity: str  # ``angle`` or ``torque``
+    heading: str
+    scale: float  # to the unit of the heading
+    colour: str
+
+
+_BLOCKS: Final = (
+    _Block(_LEFT_MM, "angle", "Angle response (deg)", 180.0 / np.pi, BLUE),
+    _Block(_LEFT_MM + _BLOCK_MM + _BETWEEN_MM, "torque", "Torque response (N·m)", 1.0, INK),
+)
 
 
 def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
@@ -84,9 +92,9 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     height = 32.0 if len(rows) <= 3 else 24.0 if len(rows) <= 6 else 17.0
     pitch = height + (6.0 if wrapped else 3.0)
     figure = new_figure(_TOP_MM + pitch * len(rows) + 8.0)
-    label = f"Time from {'commanded ' if onset_is_commanded(analysis) else ''}onset (ms)"
-    for left, _, heading in _blocks():
-        place_text(figure, left, 10.0, heading, fontweight="bold", va="center")
+    label = _time_label(analysis)
+    for block in _BLOCKS:
+        place_text(figure, block.left_mm, 10.0, block.heading, fontweight="bold", va="center")
     for i, row in enumerate(rows):
         top = _TOP_MM + i * pitch
         if row.first:
@@ -94,9 +102,9 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
             middle = top + 0.5 * height
             place_text(figure, 1.0, middle, "\n".join(lines), va="center", fontsize=SMALL_PT,
                        fontweight="bold")  # fmt: skip
-        for left, quantity, _ in _blocks():
-            axes = place_axes(figure, left, top, width_mm=_BLOCK_MM, height_mm=height)
-            _draw_row(axes, row, cells, quantity=quantity, window_s=window_s)
+        for block in _BLOCKS:
+            axes = place_axes(figure, block.left_mm, top, width_mm=_BLOCK_MM, height_mm=height)
+            _draw_row(axes, row, cells, block, window_s)
             _time_axis(axes, len(row.names), window_s, label=label if i == len(rows) - 1 else "")
             if i == 0 or wrapped:
                 _name_columns(axes, row.names, window_s)
@@ -115,22 +123,22 @@ def draw_response_overview(analysis: StudyAnalysis) -> "Figure | None":
         return None
     window_s = max(float(c.response.time_s[-1]) for c in cells if c.response is not None)
     figure = new_figure(_TOP_MM + 37.0 + 46.0)
-    for left, quantity, heading in _blocks():
-        place_text(figure, left, 10.0, heading, fontweight="bold", va="center")
-        axes = place_axes(figure, left, _TOP_MM, width_mm=_BLOCK_MM, height_mm=30.0)
-        _draw_band(axes, cells, names, quantity=quantity, window_s=window_s)
+    for block in _BLOCKS:
+        place_text(figure, block.left_mm, 10.0, block.heading, fontweight="bold", va="center")
+        axes = place_axes(figure, block.left_mm, _TOP_MM, width_mm=_BLOCK_MM, height_mm=30.0)
+        _draw_band(axes, cells, names, block, window_s)
         _time_axis(axes, len(names), window_s, label="")
         _name_columns(axes, names, window_s)
     examples = example_cells(cells)
     row = _Row("", [f"{c.label}, {c.timing_point}" for c in examples], first=True)
     by_name = {("", name): c for name, c in zip(row.names, examples, strict=True)}
-    label = f"Time from {'commanded ' if onset_is_commanded(analysis) else ''}onset (ms)"
     place_text(figure, 1.0, _TOP_MM + 58.0, "Examples", va="center", fontsize=SMALL_PT,
                fontweight="bold")  # fmt: skip
-    for left, quantity, _ in _blocks():
-        axes = place_axes(figure, left, _TOP_MM + 40.0, width_mm=_BLOCK_MM, height_mm=34.0)
-        _draw_row(axes, row, by_name, quantity=quantity, window_s=window_s)
-        _time_axis(axes, len(row.names), window_s, label=label)
+    for block in _BLOCKS:
+        top = _TOP_MM + 40.0
+        axes = place_axes(figure, block.left_mm, top, width_mm=_BLOCK_MM, height_mm=34.0)
+        _draw_row(axes, row, by_name, block, window_s)
+        _time_axis(axes, len(row.names), window_s, label=_time_label(analysis))
         _name_columns(axes, row.names, window_s)
     handles = [
         legend_line("each participant", FAINT),
@@ -142,18 +150,6 @@ def draw_response_overview(analysis: StudyAnalysis) -> "Figure | None":
     return figure
 
 
-def response_overview_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure of all people's responses."""
-    shapes = any(c.other_shapes for c in analysis.cells)
-    return (
-        "Average responses after subtraction of the baseline. Above: every participant (grey)"
-        f"{'.' + _SHAPES_APART if shapes else ' and their mean.'} "
-        f"Below: {', '.join(_EXAMPLES)} by VAF, with the fitted model dashed. "
-        "figures/responses.svg shows every participant and timing point. "
-        f"n: {counted_people_and_pulses(analysis)}."
-    )
-
-
 def example_cells(cells: Sequence[CellEstimate]) -> list[CellEstimate]:
     """Return the cells with the highest, the median and the lowest VAF."""
     known = [c for c in cells if c.response is not None and c.vaf_pct is not None]
@@ -162,40 +158,36 @@ def example_cells(cells: Sequence[CellEstimate]) -> list[CellEstimate]:
     return [ordered[i] for i in dict.fromkeys(at)] if ordered else []
 
 
-def _blocks() -> tuple[tuple[float, str, str], ...]:
-    """Return left edge, quantity and heading of both halves of a figure."""
-    right = _LEFT_MM + _BLOCK_MM + _BETWEEN_MM
-    return (
-        (_LEFT_MM, "angle", "Angle response (deg)"),
-        (right, "torque", "Torque response (N·m)"),
-    )
+def _time_label(analysis: StudyAnalysis) -> str:
+    return f"Time from {'commanded ' if onset_is_commanded(analysis) else ''}onset (ms)"
 
 
 def _draw_band(
     axes: "Axes",
     cells: Sequence[CellEstimate],
     names: Sequence[str],
-    *,
-    quantity: str,
+    block: _Block,
     window_s: float,
 ) -> None:
-    pitch = window_s * (1.0 + _GAP)
-    _panels(axes, len(names), window_s)
-    scale = 180.0 / np.pi if quantity == "angle" else 1.0
+    pitch = _panels(axes, len(names), window_s)
     groups = [[c.response for c in cells if c.response and c.timing_point == n] for n in names]
     at = {name: i * pitch for i, name in enumerate(names)}
     curves = [(at[c.timing_point], r) for c in cells for r in c.responses]
-    axes.plot(*_joined(curves, quantity, scale=scale), color=FAINT, linewidth=0.6)
+    axes.plot(*_joined(curves, block.quantity, block.scale), color=FAINT, linewidth=0.6)
     means = [
-        (i * pitch + own[0].time_s, scale * _mean(own, quantity))
+        (i * pitch + own[0].time_s, block.scale * _mean(own, block.quantity))
         for i, own in enumerate(groups)
         if own and len(curves) == len(cells)  # a mean of several shapes would be of none
     ]
-    axes.plot(*broken_line(means), color=BLUE if quantity == "angle" else INK, linewidth=1.3)
+    axes.plot(*broken_line(means), color=block.colour, linewidth=1.3)
     _leave_headroom(axes)
-    for i, own in enumerate(groups):
+    _write_in_panels(axes, [f"n {len(own)}" for own in groups], window_s)
+
+
+def _write_in_panels(axes: "Axes", texts: Sequence[str], window_s: float) -> None:
+    for i, text in enumerate(texts):
         axes.text(
-            i * pitch + 0.05 * window_s, 0.97, f"n {len(own)}",
+            i * window_s * (1.0 + _GAP) + 0.05 * window_s, 0.97, text,
             transform=axes.get_xaxis_transform(), va="top", fontsize=SMALL_PT, color=MUTED,
         )  # fmt: skip
 
@@ -209,8 +201,8 @@ def _mean(responses: Sequence[Response], name: str) -> np.ndarray:
     return np.asarray(np.mean(curves, axis=0))
 
 
-def _panels(axes: "Axes", count: int, window_s: float) -> None:
-    """Shade the panels that stand side by side on one pair of axes."""
+def _panels(axes: "Axes", count: int, window_s: float) -> float:
+    """Shade the panels that stand side by side on one pair of axes; return their distance."""
     pitch = window_s * (1.0 + _GAP)
     axes.broken_barh(
         [(i * pitch, window_s) for i in range(count)],
@@ -220,21 +212,7 @@ def _panels(axes: "Axes", count: int, window_s: float) -> None:
         edgecolor="none",
         zorder=0,
     )
-
-
-def responses_caption(analysis: StudyAnalysis) -> str:
-    """Return the caption of the figure."""
-    fitted = fitted_signals(analysis)
-    shapes = _SHAPES_APART if any(c.other_shapes for c in analysis.cells) else ""
-    driven = "; the measured torque is its input and has no fit" if fitted == "angle" else ""
-    return (
-        "Average responses to the pulses after subtraction of the baseline: angle (left) and "
-        f"torque (right), with the {fitted} of the fitted model dashed{driven}.{shapes} "
-        "Panels of a row share their axes. Grey numbers: pulses averaged (n) and variance "
-        "accounted for (VAF, beside the fitted signal). VAF measures how closely the curve is "
-        "followed, not how accurate the estimates are. "
-        f"n: {counted_people_and_pulses(analysis)}; no intervals are drawn."
-    )
+    return pitch
 
 
 def _rows(cells: Sequence[CellEstimate]) -> list[_Row]:
@@ -249,31 +227,23 @@ def _rows(cells: Sequence[CellEstimate]) -> list[_Row]:
     return rows
 
 
-def _draw_row(axes: "Axes", row: _Row, cells: _Cells, *, quantity: str, window_s: float) -> None:
-    pitch = window_s * (1.0 + _GAP)
-    _panels(axes, len(row.names), window_s)
+def _draw_row(axes: "Axes", row: _Row, cells: _Cells, block: _Block, window_s: float) -> None:
+    pitch = _panels(axes, len(row.names), window_s)
     row_cells = [cells.get((row.participant, name)) for name in row.names]
     curves = [(i * pitch, r) for i, c in enumerate(row_cells) if c for r in c.responses]
-    scale = 180.0 / np.pi if quantity == "angle" else 1.0
-    colour = BLUE if quantity == "angle" else INK
-    axes.plot(*_joined(curves, quantity, scale=scale), color=colour, linewidth=1.1)
-    fitted = [(at, r) for at, r in curves if _fitted(r) == quantity]
+    axes.plot(*_joined(curves, block.quantity, block.scale), color=block.colour, linewidth=1.1)
+    fitted = [(at, r) for at, r in curves if _fitted(r) == block.quantity]
     if fitted:
         axes.plot(
-            *_joined(fitted, f"fitted_{quantity}", scale=scale),
+            *_joined(fitted, f"fitted_{block.quantity}", block.scale),
             color=VERMILION, linewidth=1.1, dashes=(2.5, 1.5),
         )  # fmt: skip
     _leave_headroom(axes)
-    for i, cell in enumerate(row_cells):
-        text = _panel_text(cell, quantity)
-        axes.text(
-            i * pitch + 0.05 * window_s, 0.97, text, transform=axes.get_xaxis_transform(),
-            va="top", fontsize=SMALL_PT, color=MUTED,
-        )  # fmt: skip
+    _write_in_panels(axes, [_panel_text(cell, block.quantity) for cell in row_cells], window_s)
 
 
 def _joined(
-    curves: Sequence[tuple[float, Response]], name: str, *, scale: float = 1.0
+    curves: Sequence[tuple[float, Response]], name: str, scale: float
 ) -> tuple[np.ndarray, np.ndarray]:
     return broken_line((shift + r.time_s, scale * getattr(r, name)) for shift, r in curves)
 

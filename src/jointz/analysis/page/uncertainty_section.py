@@ -22,12 +22,6 @@ from jointz.results.estimates import (
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.study_analysis import StudyAnalysis
 
-_NOTE: Final = (
-    "Value: the median of the posterior, and half of its 95 % interval in % of it; it is no "
-    "estimate. What would help: each measurement with the half-interval that would remain "
-    "if the quantity were known exactly and nothing else changed; they come from the posterior, "
-    "and do not add up. Half-intervals of more than 50 % are undecided."
-)
 #: Source of :mod:`jointz.identify.walking.information` -> what to do about it.
 MEASURES: Final[Mapping[str, str]] = {
     "pulses": "record twice as many pulses",
@@ -70,7 +64,7 @@ def uncertainty_section(analysis: StudyAnalysis) -> _Row | None:
     cells = [c for c in analysis.cells if c.method in WITH_POSTERIOR and c.through_instruments]
     if not cells:
         return None
-    return {"note": _NOTE, "undecided": _undecided(analysis), **_details(cells)}
+    return {"undecided": _undecided(analysis), **_details(cells)}
 
 
 def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
@@ -84,16 +78,14 @@ def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
         {
             "where": _where(own),
             "parameter": parameter,
-            "value": _value(own),
+            "value": f"{own[0]['value']} {own[0]['unit']}"
+            if len(own) == 1
+            else f"{len(own)} values",
             "why": own[0]["why"] if len(own) == 1 else why,
             "remedy": own[0]["remedy"] if len(own) == 1 else remedy,
         }
         for (parameter, why, remedy), own in kinds.items()
     ]
-
-
-def _value(rows: Sequence[Mapping[str, str]]) -> str:
-    return f"{rows[0]['value']} {rows[0]['unit']}" if len(rows) == 1 else f"{len(rows)} values"
 
 
 def _main(text: str) -> str:
@@ -166,8 +158,10 @@ def _row(
         "name": cell.timing_point,
         "parameter": parameter_name(estimate.name),
         "value": format_number(estimate.unbounded),
-        "unit": f"{pretty_unit(estimate.unit)}{_reach(sd)}",
+        "unit": pretty_unit(estimate.unit),
     }
+    if sd is not None:
+        row["unit"] += f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
     if posterior and is_withheld(estimate, posterior):
         return {**row, "why": _contradictions(posterior), "remedy": remedies(posterior)}
     if posterior and Doubt.HELD_TORQUE.value in posterior.doubts and estimate.name != "inertia":
@@ -175,10 +169,6 @@ def _row(
     others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
     why = _too_wide(estimate, sd, others)
     return {**row, "why": why, "remedy": _remedy(estimate, sd, parts)}
-
-
-def _reach(sd: float | None) -> str:
-    return "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
 
 
 def is_withheld(estimate: ParameterEstimate, posterior: LogPosterior) -> bool:
@@ -230,19 +220,21 @@ def _remedy(estimate: ParameterEstimate, sd: float | None, parts: Mapping[str, f
     """Name the measurements that would make the interval narrower, the best one first."""
     if sd is None or not np.isfinite(sd) or not estimate.unbounded:
         return _NOTHING_ALONE
-    now = relative_half_width(sd)
-    left = {
-        source: relative_half_width(
-            float(np.sqrt(max(sd**2 - (part / estimate.unbounded) ** 2, 0.0)))
-        )
-        for source, part in parts.items()
-    }
+    now, left = half_widths_without(sd, estimate.unbounded, parts)
     ordered = sorted(left, key=left.__getitem__)
     named = [f"{MEASURES[n]}: ±\N{NO-BREAK SPACE}{_pct(left[n])}" for n in ordered[:_MOST_NAMED]]
     worth = sum(x <= (1.0 - _WORTH_NAMING) * now for x in left.values())
     if worth or not named:
         return "; ".join(named[:worth]) or _NOTHING_ALONE
     return f"{_HARDLY}: {named[0]}"
+
+
+def half_widths_without(
+    sd: float, value: float, parts: Mapping[str, float]
+) -> tuple[float, dict[str, float]]:
+    """Return the half-width over the value now, and by source if that source were known."""
+    left = {n: np.sqrt(max(sd**2 - (part / value) ** 2, 0.0)) for n, part in parts.items()}
+    return relative_half_width(sd), {n: relative_half_width(own) for n, own in left.items()}
 
 
 def _pct(share: float) -> str:

@@ -4,9 +4,10 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
+from jointz.report.html_page import render_template
+
 #: A table of more rows breaks over pages.
 MOST_ROWS: Final = 40
-_SMALL: Final = r"\scriptsize\setlength{\tabcolsep}{3pt}"
 
 _SPECIAL: Final = {
     "\\": r"\textbackslash{}",
@@ -69,64 +70,18 @@ def latex_table(
 ) -> str:
     r"""Return a table as LaTeX, with the rules of booktabs."""
     columns = "".join(r"p{0.42\linewidth}" if name in wide else "l" for name in head)
-    layout = rf"{{@{{}}{columns}@{{}}}}"
-    title = rf"\caption{{{to_latex(caption)}}}\label{{{label}}}"
-    top = [r"\toprule", *_head(head), r"\midrule"]
-    body = [" & ".join(map(to_latex, row)) + r" \\" for row in rows]
-    # LaTeX takes a bracket at the beginning of a row as the argument of the \\ before it.
-    body = [rf"{{}}{line}" if line.startswith(("[", "*")) else line for line in body]
-    below = list(map(to_latex, notes))
-    if len(rows) > MOST_ROWS:
-        across = rf"\multicolumn{{{len(head)}}}{{p{{0.9\linewidth}}}}"
-        last = [rf"{across}{{{note}}} \\" for note in below]
-        lines = _long(layout, title, top, body, last)
-    else:
-        last = [rf"\par\smallskip\parbox{{0.9\linewidth}}{{{note}}}" for note in below]
-        lines = _short(layout, title, top, body, last)
-    return "\n".join(lines) + "\n"
-
-
-_Lines = Sequence[str]
-
-
-def _short(layout: str, title: str, top: _Lines, body: _Lines, notes: _Lines) -> list[str]:
-    return [
-        r"% Needs \usepackage{booktabs}; made by jointz. table* spans two columns, table one.",
-        r"\begin{table*}[tbp]",
-        title,
-        rf"\centering{_SMALL}",
-        rf"\begin{{tabular}}{layout}",
-        *(*top, *body, r"\bottomrule"),
-        r"\end{tabular}",
-        *notes,
-        r"\end{table*}",
-    ]
-
-
-def _long(layout: str, title: str, top: _Lines, body: _Lines, notes: _Lines) -> list[str]:
-    return [
-        r"% Needs \usepackage{booktabs,longtable}; made by jointz.",
-        r"% A page of two columns takes it between \onecolumn and \twocolumn only.",
-        rf"\begingroup{_SMALL}",
-        rf"\begin{{longtable}}{layout}",
-        rf"{title}\\",
-        *(*top, r"\endfirsthead"),
-        *(*top, r"\endhead"),
-        *(r"\bottomrule", r"\endfoot"),
-        *(r"\bottomrule", *notes, r"\endlastfoot"),
-        *body,
-        r"\end{longtable}",
-        r"\endgroup",
-    ]
-
-
-def _head(head: Sequence[str]) -> list[str]:
-    """Return the rows of the head: names, and units below them if there are any."""
     parts = [name.partition(" (") for name in head]
-    rows = [[rf"\textbf{{{to_latex(name)}}}" for name, _, _ in parts]]
-    if any(unit for _, _, unit in parts):
-        rows.append([to_latex(f"({unit}") if unit else "" for _, _, unit in parts])
-    return [" & ".join(row) + r" \\" for row in rows]
+    return render_template(
+        "table_latex.txt.j2",
+        layout=f"@{{}}{columns}@{{}}",
+        caption=to_latex(caption),
+        label=label,
+        names=[rf"\textbf{{{to_latex(name)}}}" for name, _, _ in parts],
+        units=[to_latex(f"({unit}") if unit else "" for _, _, unit in parts],
+        rows=[list(map(to_latex, row)) for row in rows],
+        notes=list(map(to_latex, notes)),
+        long=len(rows) > MOST_ROWS,
+    )
 
 
 def _token(match: re.Match[str]) -> str:

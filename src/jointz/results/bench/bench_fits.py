@@ -99,7 +99,6 @@ class FullRecordFit(BenchFit):
 
     __slots__ = ()
     SCHEMA: ClassVar[str] = "jointz.FullRecordFit/1"
-    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "lag_model")
     TITLE: ClassVar[str] = "Load from its full record"
 
 
@@ -108,7 +107,6 @@ class PulseFit(BenchFit):
 
     __slots__ = ()
     SCHEMA: ClassVar[str] = "jointz.PulseFit/1"
-    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "lag_model")
     TITLE: ClassVar[str] = "Load from one pulse"
 
 

@@ -88,22 +88,14 @@ class PhaseCurve(Result):
     def to_frame(self) -> pd.DataFrame:
         """Return one row for each curve and phase."""
         columns = ["participant", "parameter", "gait_pct", "value", "unit", "ci_low", "ci_high"]
-        tables = [
-            pd.DataFrame(
-                {
-                    "participant": band.participant,
-                    "parameter": band.parameter,
-                    "gait_pct": self.gait_pct,
-                    "value": band.value,
-                    "unit": band.unit,
-                    "ci_low": band.ci_low,
-                    "ci_high": band.ci_high,
-                }
-            )
+        rows = [
+            (band.participant, band.parameter, at, value, band.unit, low, high)
             for band in self.bands
+            for at, value, low, high in zip(
+                self.gait_pct, band.value, band.ci_low, band.ci_high, strict=True
+            )
         ]
-        table = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=columns)
-        return table.assign(ci_level=self.ci_level)
+        return pd.DataFrame(rows, columns=columns).assign(ci_level=self.ci_level)
 
     def points_frame(self) -> pd.DataFrame:
         """Return one row for each estimate behind a curve."""

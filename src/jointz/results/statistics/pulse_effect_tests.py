@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 from math import isfinite
 from typing import ClassVar
 
@@ -160,22 +161,21 @@ class PulseEffects(PlottedResult):
         raise KeyError(f"no count {key}; PulseEffects.counts lists them")
 
     def _significant(self) -> Iterable[PulseCount]:
-        every = ("stiffness", "inertia", "all")
-        for analysis in ("one_way", "mixed"):
-            for effect in ("type", "direction", "all", "joint", "type:direction"):
-                effects = ("type", "direction") if effect == "all" else (effect,)
-                for response in every:
-                    p = [
-                        t.p
-                        for t in self.tests
-                        if t.analysis == analysis
-                        and t.effect in effects
-                        and response in (t.response, "all")
-                        and t.p is not None
-                    ]
-                    if p or effect in ("type", "direction", "all"):
-                        n = sum(value < self.alpha for value in p)
-                        yield PulseCount("significant", analysis, response, effect, n, len(p))
+        analyses, responses = ("one_way", "mixed"), ("stiffness", "inertia", "all")
+        every = ("type", "direction", "all", "joint", "type:direction")
+        for analysis, effect, response in product(analyses, every, responses):
+            effects = ("type", "direction") if effect == "all" else (effect,)
+            p = [
+                t.p
+                for t in self.tests
+                if t.analysis == analysis
+                and t.effect in effects
+                and response in (t.response, "all")
+                and t.p is not None
+            ]
+            if p or effect in ("type", "direction", "all"):
+                n = sum(value < self.alpha for value in p)
+                yield PulseCount("significant", analysis, response, effect, n, len(p))
 
     def _larger(self) -> Iterable[PulseCount]:
         for response in _RESPONSE_SYMBOLS:
