@@ -29,6 +29,12 @@ def console(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue a run, or find the running one.")
     ] = False,
+    live: Annotated[
+        bool,
+        typer.Option(
+            " /--no-live", help="Do not estimate while the session runs.", show_default=False
+        ),
+    ] = True,
     calibration: CalibrationOption = None,
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port of the page; 0 for any.")
@@ -56,7 +62,13 @@ def console(
     left = open_console(
         out,
         _arguments(
-            protocol, out, rig, participants=participants, seed=seed, calibration=calibration
+            protocol,
+            out,
+            rig,
+            participants=participants,
+            seed=seed,
+            live=live,
+            calibration=calibration,
         ),
         resume=resume,
         host=listen,
@@ -76,6 +88,7 @@ def _arguments(
     *,
     participants: int | None,
     seed: int | None,
+    live: bool,
     calibration: Path | None,
 ) -> list[str]:
     """Return the arguments of ``jointz run``; none to watch only."""
@@ -96,6 +109,8 @@ def _arguments(
                "--participants": participants, "--seed": seed,
                "--calibration": calibration}  # fmt: skip
     arguments = [protocol, "--out", str(out), "--clock", "real", "--attended", "--quiet"]
+    if live and plan.kind == "walking":
+        arguments.append("--live")
     for name, value in options.items():
         if value is not None:
             arguments += [name, str(value)]

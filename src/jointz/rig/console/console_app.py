@@ -172,6 +172,7 @@ def build_page() -> None:
                     ui.element("b")
                     ui.element("span")
                 ui.element("div").props("id=jz-plan")
+            _filled("Estimates so far, half-width in %", "estimates")  # hidden without --live
             _filled("Safety", "safety")
             _filled("Journal", "told")
 

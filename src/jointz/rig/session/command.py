@@ -108,6 +108,12 @@ def run(
     attended: Annotated[
         bool, typer.Option("--attended", help="A page starts, pauses and stops it: jointz console.")
     ] = False,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live", help="Estimate beside the session after new pulses, for the operator's page."
+        ),
+    ] = False,
     calibration: CalibrationOption = None,
     printing: Printing = Printing(),
 ) -> None:
@@ -133,11 +139,12 @@ def run(
             sensors=sensors.replace(" ", "").split(",") if sensors else None,
             clock=clock,
             participants=participants,
-            workers=workers or (1 if real or attended else os.cpu_count() or 1),
+            workers=workers or (1 if real or attended or live else os.cpu_count() or 1),
             scheduler=scheduler,
             resume=resume,
             salvage=salvage,
             attended=attended,
+            live=live,
             calibration=calibration,
             operator=_Prompting(bars.paused) if real else None,
             progress=bars.experiment,

@@ -34,6 +34,7 @@ from jointz.rig.experiment.controllers import refuse_bad_controllers
 from jointz.rig.experiment.driver_errors import drivers_answer_for
 from jointz.rig.experiment.files.whole_files import read_object, write_whole
 from jointz.rig.experiment.session import Operator
+from jointz.rig.session.live_process import live_estimates
 from jointz.rig.session.participant_run import REPORT_FILE as SESSION_REPORT
 from jointz.rig.session.participant_run import run_participant
 from jointz.rig.session.rigs.rig_settings import (
@@ -72,6 +73,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     resume: bool = False,
     salvage: bool = False,
     attended: bool = False,
+    live: bool = False,
     calibration: str | os.PathLike[str] | None = None,
     operator: Operator | None = None,
     progress: RunProgress | bool | None = True,
@@ -114,6 +116,9 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         damaged files are kept.
     attended : bool
         Whether an operator's page starts, pauses and stops (``jointz console``).
+    live : bool
+        Whether a process beside the session estimates after new pulses, and writes the newest
+        half-widths to ``live.json`` of the session's folder; one participant at a time.
     calibration : path, optional
         A file that ``jointz calibrate`` wrote: its entries stand over the rig's own in the study.
     operator : Operator, optional
@@ -150,6 +155,11 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
             f"expected 1 to {_MOST_PARTICIPANTS} participants and at least one worker, got "
             f"{count}, {workers}."
         )
+    if live and (spec.kind != "walking" or workers > 1 or scheduler is not None):
+        raise DataError(
+            "live: estimates during walking, one participant at a time. Leave it out, or workers "
+            "and scheduler."
+        )
     if clock not in (None, "fast", "real"):
         raise DataError(f"clock: expected fast or real, got {clock!r}.")
     known = None if calibration is None else read_calibration(calibration)
@@ -168,7 +178,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     pace = clock or ("fast" if config is None else "real")
     if known is not None:
         rig = with_calibration(rig, known, count)
-    settings = RunSettings(spec, rig.seed, pace, Path(out), attended, salvage)
+    settings = RunSettings(spec, rig.seed, pace, Path(out), attended, salvage, live)
     check = partial(_refuse_what_cannot_run, settings, rig, count)
     with (
         claimed(settings, rig, count, resume=resume, check=check),
@@ -453,7 +463,8 @@ def _run_here(
 ) -> dict[str, Any]:
     opened = open_rig(rig, number)
     progress = partial(report, opened.wearer.id)
-    return run_participant(opened, settings, operator=operator, progress=progress)
+    with live_estimates(settings, rig, number):
+        return run_participant(opened, settings, operator=operator, progress=progress)
 
 
 def _no_progress(*_: object) -> None:

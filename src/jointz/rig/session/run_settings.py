@@ -9,6 +9,8 @@ from jointz.core.protocols.protocol_models import ConditionSpec
 
 #: The folder of a study that holds what was recorded.
 SESSIONS = "sessions"
+#: Newest live estimate of a participant, in the folder of the session.
+LIVE_FILE = "live.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +23,7 @@ class RunSettings:
     study: Path  # folder of the study
     attended: bool = False  # whether the run is controlled from an operator's page
     salvage: bool = False  # whether damaged records are left out instead of refused
+    live: bool = False  # whether a process beside the session estimates while it runs
 
     def session_folder(self, participant: str) -> Path:
         """Return where a participant's session is kept."""

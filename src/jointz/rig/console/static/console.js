@@ -233,6 +233,7 @@ const jointzConsole = (() => {
     set("jz-doing", doing());
     set("jz-prompt", prompt());
     plan();
+    estimates();
     figures();
     safety();
     told();
@@ -330,6 +331,34 @@ const jointzConsole = (() => {
     if (status.newest_pulse) items.push({ text: pulseText(status.newest_pulse) });
     if (!items.length) items.push({ text: "nothing planned yet" });
     lines("jz-plan", items);
+  }
+
+  // How far the 95 % intervals of K, B and J reach by now, beside the half-widths that are wanted.
+  function estimates() {
+    const found = status.estimates || {}, values = found.values || [], items = [];
+    document.body.dataset.estimates = found.problem || values.length ? "yes" : "no";
+    for (const point of new Set(values.map((value) => value.timing_point))) {
+      const own = values.filter((value) => value.timing_point === point);
+      const wished = own.filter((value) => value.wish_pct !== null);
+      const reached = (value) => (value.half_width_pct === null ? 0 : value.wish_pct / value.half_width_pct);
+      items.push({
+        name: `${point}  ${own[0].n_used} pulses`,
+        value: own.map((value) => `${{ stiffness: "K", damping: "B", inertia: "J" }[value.parameter]} `
+          + (value.half_width_pct === null ? "\u2013" : Math.round(value.half_width_pct))
+          + (value.wish_pct === null ? "" : `/${Math.round(value.wish_pct)}`)).join("  "),
+        share: wished.length ? Math.min(...wished.map(reached)) : 0,
+        kind: wished.length && wished.some((value) => reached(value) < 1) ? "raised" : "",
+      });
+    }
+    const wished = values.filter((value) => value.wish_pct !== null);
+    const held = wished.filter((value) => value.half_width_pct !== null && value.half_width_pct <= value.wish_pct);
+    const left = (status.planned || 0) - (status.done || 0);
+    const minutes = found.minutes_per_pulse ? `, about ${Math.ceil(left * found.minutes_per_pulse)} min for the other ${left}` : "";
+    if (wished.length) items.push({ text: `${held.length} of ${wished.length} wanted half-widths reached (after the slash)` });
+    if (values.length) items.push({ text: `after ${found.n_pulses} pulses${minutes}` });
+    for (const message of (found.messages || []).slice(0, 3)) items.push({ text: message });
+    if (found.problem) items.push({ text: found.problem });
+    lines("jz-estimates", items);
   }
 
   // ---------------------------------------------------------------- parameters of a controller

@@ -19,12 +19,12 @@ from jointz.rig.experiment.files.session_files import (
     SESSION_FILE,
     log_path,
 )
-from jointz.rig.experiment.files.whole_files import read_twice
+from jointz.rig.experiment.files.whole_files import read_object, read_twice
 from jointz.rig.session.live.live_motion import TRACES, Motion, StartedPulse
 from jointz.rig.session.live.live_progress import SessionProgress
 from jointz.rig.session.live.live_tail import JournalTail, LogTail
 from jointz.rig.session.run_claim import RUN_FILE, STUDY_FILE
-from jointz.rig.session.run_settings import SESSIONS
+from jointz.rig.session.run_settings import LIVE_FILE, SESSIONS
 
 #: States in which the session's process is needed.
 _UNDER_WAY = frozenset({"idle", "waiting", "starting", "running", "paused", "stopping", "between"})
@@ -245,6 +245,7 @@ class LiveSession:
             "conditions": self._conditions(progress),
             "told": list(progress.told)[-40:],
             **self._of_trial(progress),
+            "estimates": self._estimates(),
         }
         if motion is not None and self._log is not None:
             device = self._log.header.get("devices", {}).get("actuator") or {}
@@ -257,6 +258,16 @@ class LiveSession:
                 "strides": motion.strides,
             }
         return told
+
+    def _estimates(self) -> dict[str, Any]:
+        """Return the newest live estimate, empty without one."""
+        file = self._folder / LIVE_FILE if self._folder else None
+        if file is None or not file.exists():
+            return {}
+        try:
+            return read_object(file)
+        except DataError:  # it is replaced whole: somebody else wrote it
+            return {}
 
     def _of_trial(self, progress: SessionProgress) -> dict[str, Any]:
         trial = progress.trial(progress.condition)

@@ -1,0 +1,1 @@
+"""Estimates during a session, by a process beside the control loop."""

@@ -1,0 +1,58 @@
+"""Process that estimates a participant again and again while the session runs."""
+
+import json
+import multiprocessing
+import os
+import signal
+from contextlib import suppress
+from multiprocessing.synchronize import Event as Ended
+from pathlib import Path
+from typing import Any, Final
+
+from jointz.core.errors import JointzError
+from jointz.rig.experiment.files.journal import read_journal
+from jointz.rig.experiment.files.session_files import JOURNAL_FILE
+from jointz.rig.experiment.files.whole_files import write_whole
+from jointz.rig.live_estimates.live_estimate import estimate_so_far
+from jointz.rig.session.rigs.rig_settings import RigSettings, open_rig
+from jointz.rig.session.run_settings import LIVE_FILE, RunSettings
+from jointz.tasks.engine import on_one_thread
+
+_PERIOD_S: Final = 1.0
+#: The control loop, and everything else, goes first.
+_NICE: Final = 15
+
+
+def follow(settings: RunSettings, rig: RigSettings, number: int, ended: Ended) -> None:
+    """Estimate after new pulses until the session has ended, and write the newest estimate."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C of the terminal is the session's
+    with suppress(AttributeError, OSError):  # not on Windows
+        os.nice(_NICE)
+    opened, parent = open_rig(rig, number), multiprocessing.parent_process()
+    folder, done = settings.session_folder(opened.wearer.id), 0
+    while not ended.wait(_PERIOD_S) and (parent is None or parent.is_alive()):
+        count = _pulses_done(folder)
+        if count > done:
+            done = count
+            content = _content(lambda: estimate_so_far(settings, opened).to_dict())
+            if not ended.is_set():  # the session's folder may be gone, or its study complete
+                write_whole(folder / LIVE_FILE, json.dumps(content))
+
+
+def _pulses_done(folder: Path) -> int:
+    """Return how many pulses the journal counts as done; 0 before there is one."""
+    try:
+        events = read_journal(folder / JOURNAL_FILE)
+    except (JointzError, OSError):  # written at this moment, or not yet there
+        return 0
+    return sum(event["event"] == "pulse_completed" for event in events)
+
+
+def _content(estimate: Any) -> dict[str, Any]:
+    """Return an estimate, or why there is none: the session goes on without."""
+    try:
+        return {"problem": "", **on_one_thread(estimate)}
+    except JointzError as exc:
+        return {"problem": str(exc)}
+    except Exception as exc:  # noqa: BLE001 - shown to the operator; nothing else depends on it
+        return {"problem": f"the estimate failed ({type(exc).__name__}: {exc})"}

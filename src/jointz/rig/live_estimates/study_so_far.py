@@ -1,0 +1,58 @@
+"""A session that is still running, as a study of what it has recorded so far."""
+
+from pathlib import Path
+from typing import Any
+
+from jointz.core.protocols.protocol_models import ConditionSpec
+from jointz.core.provenance import now
+from jointz.core.study import TorqueModelSpec
+from jointz.io.formats.netcdf_recording import write_recording
+from jointz.rig.devices.interface import Rig
+from jointz.rig.experiment.files.journal import read_journal
+from jointz.rig.experiment.files.session_files import JOURNAL_FILE, has_content, log_path
+from jointz.rig.session.recordings_report import open_recordings
+from jointz.rig.session.run_claim import STUDY_FILE
+from jointz.rig.session.run_settings import (
+    RunSettings,
+    has_pulse_table,
+    pulses_name,
+    recording_name,
+)
+from jointz.rig.session.study_file import exclusions_csv, pulses_csv, study_toml
+
+
+def write_study_so_far(settings: RunSettings, rig: Rig, out: Path) -> None:
+    """Write recordings, pulses and ``study.toml`` of what a participant's logs hold by now."""
+    folder, person = settings.session_folder(rig.wearer.id), rig.wearer.id
+    events = read_journal(folder / JOURNAL_FILE)
+    begun = tuple(c for c in settings.protocol.conditions if _has_log(folder, c))
+    protocol = settings.protocol.model_copy(update={"conditions": begun})
+    session = open_recordings(folder, protocol, events, salvage=True)
+    devices: dict[str, Any] = {}
+    aborted: list[dict[str, Any]] = []
+    out.mkdir()
+    for condition in begun:
+        record = session.record(condition)
+        write_recording(record.recording, out / recording_name(person, condition.name))
+        if has_pulse_table(protocol, condition):
+            text = pulses_csv(record.pulses)
+            (out / pulses_name(person, condition.name)).write_text(text, encoding="utf-8")
+        aborted += session.aborted_rows(condition, record)
+        devices = record.logs[0].header["devices"]
+    if aborted:
+        (out / "exclusions.csv").write_text(exclusions_csv(aborted, now()), encoding="utf-8")
+    model = (devices.get("actuator") or {}).get("torque_model")
+    text = study_toml(
+        protocol,
+        [rig.wearer],
+        {person: rig.calibration},
+        TorqueModelSpec.model_validate(model) if model else None,
+        devices=devices,
+        worn=rig.device,
+        coupling=getattr(rig, "coupling", None),
+    )
+    (out / STUDY_FILE).write_text(text, encoding="utf-8")
+
+
+def _has_log(folder: Path, condition: ConditionSpec) -> bool:
+    return any(has_content(log_path(folder, name, 0)) for name in condition.trial_names)
