@@ -197,9 +197,12 @@ def _draw_stated(
     axes: "Axes", comparison: Comparison, parameter: str, points: Sequence[str]
 ) -> None:
     """Draw the ranges stated in the literature; equal ranges of studies share a bar."""
-    stated = {(r.timing_point, r.low, r.high) for r in comparison.references
-              if r.value is None and r.parameter == parameter}  # fmt: skip
-    for point, low, high in stated:
+    stated = [
+        (r.timing_point, r.low, r.high)
+        for r in comparison.references
+        if r.value is None and r.parameter == parameter
+    ]
+    for point, low, high in dict.fromkeys(stated):
         axes.bar(points.index(point), high - low, bottom=low, width=0.9, color=PANEL,
                  edgecolor=FAINT, linewidth=0.5, zorder=0)  # fmt: skip
 
