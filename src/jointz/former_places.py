@@ -35,6 +35,7 @@ PRESENT = {
     "jointz.rig.certificate.study_protocol": "jointz.analysis.study_protocol",
     "jointz.analysis.certificate": "jointz.rig.certificate",
     "jointz.control.controllers": "jointz.rig.phase_controllers",
+    "jointz.explorer.traces": "jointz.analysis.pulse_traces",
     "jointz.identify.methods": "jointz.identify.regression",
     "jointz.identify.series": "jointz.identify.record",
 }

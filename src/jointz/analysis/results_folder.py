@@ -163,9 +163,9 @@ def _readme(analysis: StudyAnalysis, folder: Path) -> str:
     made = analysis.provenance
     about = [report_title(analysis), f"{made.get('created', '')}"[:10]]
     about += [f"jointz {made['jointz']}"] if "jointz" in made else []
-    lines = [f"{name:17} {content}" for name, content in _CONTENTS.items() if name in present]
+    lines = [f"{name:20} {content}" for name, content in _CONTENTS.items() if name in present]
     return "\n".join([
-        f"{', '.join(filter(None, about))}. Numbers are SI; empty cells are missing values.",
+        f"{', '.join(filter(None, about))}. SI units, except _pct (%); empty fields are missing.",
         *lines,
         *([] if "strides.csv" in present else ["More tables, also for LaTeX: analyze --tables"]),
         "",

@@ -110,11 +110,13 @@ class Analysis(StudyAnalysis):
         Raises
         ------
         DataError
-            When recordings were changed since the analysis.
+            When it is another study, or recordings or ``study.toml`` were changed since.
         """
         from jointz.analysis.pulse_traces import response_datasets
 
         opened = study if study is None or isinstance(study, Study) else open_study(study)
+        if opened is not None and opened.sha256 != self.provenance.get("study_sha256"):
+            raise _another_study(opened, "this analysis")
         return list(response_datasets(self, opened))
 
 
@@ -200,6 +202,14 @@ def _changed_files(folder: Path) -> list[str]:
         ) from exc
 
 
+def _another_study(study: Study, results: str) -> DataError:
+    return DataError(
+        f"{study.root}: expected the study that was analysed for {results}, found another "
+        "study.toml, or one that was changed since. Name that study, or analyse this "
+        "one again: jointz analyze."
+    )
+
+
 def study_of(
     analysis: StudyAnalysis, folder: Path, named: str | os.PathLike[str] | None
 ) -> Study | None:
@@ -207,11 +217,7 @@ def study_of(
     if named is not None:
         study = open_study(named)
         if study.sha256 != analysis.provenance.get("study_sha256"):
-            raise DataError(
-                f"{study.root}: expected the study that was analysed for {folder}, found another "
-                "study.toml, or one that was changed since. Name that study, or analyse this "
-                "one again: jointz analyze."
-            )
+            raise _another_study(study, str(folder))
         return study
     name = str(analysis.settings.get("study", ""))
     above = folder.resolve().parent

@@ -67,7 +67,7 @@ def given_pulses(
         return pulses_from_angle(recording, cutoff_hz=settings.cutoff_hz), ""
     return (), (
         f"{recording.attrs['file']}: its pulses are detected by comparison with another recording; "
-        "they are in pulses.csv of jointz analyze, not here."
+        "they are in pulses.csv of jointz analyze --tables, not here."
     )
 
 

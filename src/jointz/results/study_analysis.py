@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from jointz.core.channels import axis_label
+from jointz.core.channels import PARAMETER_NAMES, axis_label
 from jointz.core.errors import DataError
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.results.base import Axes, Result, record_frame, summary_text
@@ -232,9 +232,10 @@ class StudyAnalysis(Result):
         DataError if no estimate has this parameter.
         """
         known = list(dict.fromkeys(p.name for cell in self.cells for p in cell.parameters))
-        if known and parameter not in known:
+        if parameter not in (known or PARAMETER_NAMES):
             raise DataError(
-                f"plot: parameter: expected one of {', '.join(known)}; got {parameter!r}."
+                f"plot: parameter: expected one of {', '.join(known or PARAMETER_NAMES)}; got "
+                f"{parameter!r}."
             )
         axes = axes_or_new(ax, (8.0, 4.0))
         table = self.to_frame().query("parameter == @parameter")

@@ -111,7 +111,7 @@ def test_a_doubt_is_the_reason_where_there_are_no_limits():
     assert (row["doubts"], row["parameter"], row["sds"]) == (*doubts, "sensor_delay_s", 2.9)
     assert StudyAnalysis.from_dict(made.to_dict()).log_posteriors[0].unlikely == (late,)
     assert f"Most frequent reason (3 of 3): S01: {why}." in first_page(made)["said"][0]
-    assert next_measures(made)[0] == (f"M{remedy[1:]}: 3 undecided values contradict the model.")
+    assert next_measures(made)[0] == (f"M{remedy[1:]} (3 undecided values).")
 
 
 def test_rows_of_one_reason_and_remedy_become_one_that_says_where():
@@ -180,3 +180,31 @@ def test_the_report_has_the_section_and_older_results_do_not_need_it(known):
 
     assert ('id="undecided"' in page) is known
     assert ("half of its 95 % interval in % of it" in page) is known
+
+
+def test_the_most_frequent_reason_is_counted_over_people():
+    doubts = (Doubt.RESPONSES_UNLIKE_SIZE.value,)
+    cells = [
+        replace(cell(p, k=FAIR, limits=None), participant=who)
+        for who in ("S01", "S02")
+        for p in POINTS
+    ]
+    wide = [replace(cell(p, k=WIDE), participant="S03") for p in POINTS]
+    (one,) = analysis(cells[:3], (FAIR,) * 3, doubts=doubts).log_posteriors
+    (other,) = analysis(wide, (WIDE,) * 3).log_posteriors
+    people = (one, replace(one, participant="S02"), replace(other, participant="S03"))
+    made = replace(analysis(cells, (FAIR,) * 3), cells=(*cells, *wide), log_posteriors=people)
+
+    reason = "the responses do not grow with the recorded torque of the pulses"
+    assert f"Most frequent reason (6 of 9): {reason}." in first_page(made)["said"][0]
+    assert "(6 undecided values)" in next_measures(made)[0]
+
+
+def test_pulses_that_hold_one_torque_are_the_reason_only_where_no_other_doubt_withholds():
+    doubts = (Doubt.HELD_TORQUE.value, Doubt.INERTIA_UNLIKE_BODY.value)
+    made = analysis([cell(p, k=FAIR, limits=None) for p in POINTS], (FAIR,) * 3, doubts=doubts)
+
+    rows = uncertainty_section(made)["undecided"]
+
+    assert {row["why"] for row in rows} == {Doubt.INERTIA_UNLIKE_BODY.meaning}
+    assert all("mass_kg" in row["remedy"] and "doublets" not in row["remedy"] for row in rows)

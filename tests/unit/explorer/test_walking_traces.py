@@ -104,6 +104,14 @@ def test_responses_are_arrays_of_averages_and_with_the_study_of_single_pulses(op
     assert used == sum(cell.n_used for cell in analysis.cells)
 
 
+def test_responses_of_another_study_are_refused(opened, tmp_path):
+    changed = shutil.copytree(opened.study.root, tmp_path / "study") / "study.toml"
+    changed.write_text(changed.read_text() + "# changed\n")
+
+    with pytest.raises(DataError, match="expected the study that was analysed"):
+        jointz.load(opened.folder).responses(changed.parent)
+
+
 def test_the_page_says_which_stiffness_is_which(opened):
     names = [p.name for p in opened.analysed.cells[0].parameters]
 

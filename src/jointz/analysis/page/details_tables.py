@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import pandas as pd
 
-from jointz.analysis.page.uncertainty_section import remedies
+from jointz.analysis.page.withheld_values import remedies
 from jointz.report.wording import ABSOLUTE, AT_ONSET
 from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis

@@ -8,9 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.analysis.classical import cells_of_both, classical_analysis, classical_note
-from jointz.analysis.page.next_measures import holds_one_torque, next_measures
+from jointz.analysis.page.next_measures import next_measures
 from jointz.analysis.page.published_values import published_clause
-from jointz.analysis.page.uncertainty_section import HELD, is_withheld, main_contradiction
 from jointz.analysis.page.value_tables import (
     Row,
     cells_by_person,
@@ -19,11 +18,12 @@ from jointz.analysis.page.value_tables import (
     people_means,
     short_status,
 )
+from jointz.analysis.page.withheld_values import HELD, is_held, withheld
 from jointz.analysis.paper.citations import CITATIONS
 from jointz.analysis.summary import SIMULATED, chosen_method, name_range, stiffness_extremes
 from jointz.core.codes import Failure
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.core.method_names import COUPLING_OF, WITH_POSTERIOR
+from jointz.core.method_names import COUPLING_OF
 from jointz.report.subjects import (
     calibrations,
     shown_parameters,
@@ -279,27 +279,29 @@ def _decided(
 def _reason(
     analysis: StudyAnalysis, estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]
 ) -> str:
-    """Name the most frequent reason why values are missing."""
-    reasons = Counter(
-        _why_missing(analysis, c, p) for c, p in estimates if not p.available
-    )  # fmt: skip
-    reasons.pop("", None)
-    if not reasons:
+    """Name the most frequent reason why values are missing; of one person with its numbers."""
+    missing = [(cell, *_why_missing(analysis, cell, p)) for cell, p in estimates if not p.available]
+    if not missing:
         return ""
-    reason, count = reasons.most_common(1)[0]
-    return f"Most frequent reason ({count} of {study_counts(analysis).missing.total()}): {reason}."
+    kind, count = Counter(kind for _, kind, _ in missing).most_common(1)[0]
+    details = {(cell.label, detail) for cell, own, detail in missing if own == kind}
+    label, detail = details.pop()
+    text = kind if details or detail == kind else f"{label}: {detail}"
+    return f"Most frequent reason ({count} of {study_counts(analysis).missing.total()}): {text}."
 
 
-def _why_missing(analysis: StudyAnalysis, cell: CellEstimate, estimate: ParameterEstimate) -> str:
+def _why_missing(
+    analysis: StudyAnalysis, cell: CellEstimate, estimate: ParameterEstimate
+) -> tuple[str, str]:
+    """Return why a value is missing, by kind and in detail."""
+    kind = "the interval is too wide"
     if estimate.status.startswith("failed"):
-        return status_meaning(estimate.status)
-    if cell.method in WITH_POSTERIOR:
-        posterior = next((p for p in analysis.log_posteriors if p.label == cell.label), None)
-        if posterior and is_withheld(estimate, posterior):
-            return f"{cell.label}: {main_contradiction(posterior)[0]}"
-        if estimate.name != "inertia" and holds_one_torque(analysis, cell):
-            return HELD
-    return "the interval is too wide"
+        kind = status_meaning(estimate.status)
+    elif found := withheld(analysis, cell, estimate):
+        return found.kind, found.reason
+    elif is_held(analysis, cell, estimate):
+        kind = HELD
+    return kind, kind
 
 
 def _means(analysis: StudyAnalysis) -> str:

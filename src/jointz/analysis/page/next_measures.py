@@ -7,19 +7,16 @@ from typing import Final
 import numpy as np
 
 from jointz.analysis.page.uncertainty_section import (
-    HELD,
     MEASURES,
     half_widths_without,
-    is_withheld,
-    main_contradiction,
     parts_by_source,
     relative_sds,
 )
+from jointz.analysis.page.withheld_values import HELD, is_held, withheld
 from jointz.analysis.summary import used_coupling
-from jointz.core.codes import Doubt
 from jointz.report.subjects import nobody_perturbed, shown_parameters, subjects
 from jointz.report.wording import ABSOLUTE, exclusion_meaning, format_count, parameter_name
-from jointz.results.estimates import CellEstimate, decides
+from jointz.results.estimates import decides
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 from jointz.results.study_counts import study_counts
 
@@ -62,35 +59,24 @@ def next_measures(analysis: StudyAnalysis) -> list[str]:
         return [_PERTURB]
     gains = [*_gains(analysis)]
     sentences = _ranked(gains, study_counts(analysis).statuses["undecided"]) if gains else []
-    if any(holds_one_torque(analysis, cell) for cell in analysis.cells):
+    if any(is_held(analysis, c, p) for c in analysis.cells for p in c.parameters):
         sentences = [_DOUBLETS]
     sentences = [*_checks(analysis), *sentences[:_MOST], *_after_failures(analysis)]
     return [*sentences, *_more_people(analysis)]
 
 
 def _checks(analysis: StudyAnalysis) -> list[str]:
-    """Say what to check first about the parameters that contradict the model."""
-    posteriors = {p.label: p for p in analysis.log_posteriors}
-    withheld = Counter(
-        main_contradiction(posterior)[1]
+    """Say what to check first where the data contradict the model."""
+    found = [
+        withheld(analysis, cell, estimate)
         for cell in analysis.cells
         for estimate in (cell.parameter(name) for name in ABSOLUTE)
-        if estimate and (posterior := posteriors.get(cell.label))
-        if is_withheld(estimate, posterior)
-    )
-    return [
-        f"{remedy[0].upper()}{remedy[1:]}: {format_count(count, 'undecided value')} "
-        f"{'contradicts' if count == 1 else 'contradict'} the model."
-        for remedy, count in withheld.most_common(_MOST)
+        if estimate
     ]
-
-
-def holds_one_torque(analysis: StudyAnalysis, cell: CellEstimate) -> bool:
-    """Return whether a participant's pulses hold one torque, which leaves K and B undecided."""
-    return any(
-        p.label == cell.label and Doubt.HELD_TORQUE.value in p.doubts
-        for p in analysis.log_posteriors
-    )
+    return [
+        f"{remedy[0].upper()}{remedy[1:]} ({format_count(count, 'undecided value')})."
+        for remedy, count in Counter(own.remedy for own in found if own).most_common(_MOST)
+    ]
 
 
 def instrument_shares(analysis: StudyAnalysis) -> str:

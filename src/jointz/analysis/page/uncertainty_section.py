@@ -6,9 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from jointz.analysis.page.withheld_values import (
+    DOUBLETS,
+    HELD,
+    is_held,
+    withheld,
+)
 from jointz.analysis.summary import used_coupling
 from jointz.core.channels import pretty_unit
-from jointz.core.codes import Doubt
 from jointz.core.method_names import WITH_POSTERIOR
 from jointz.identify.walking.coupling import Coupling
 from jointz.identify.walking.decisions import with_model_error
@@ -19,7 +24,6 @@ from jointz.results.estimates import (
     decides,
     relative_half_width,
 )
-from jointz.results.log_posterior import LogPosterior
 from jointz.results.study_analysis import StudyAnalysis
 
 #: Source of :mod:`jointz.identify.walking.information` -> what to do about it.
@@ -34,24 +38,11 @@ MEASURES: Final[Mapping[str, str]] = {
     "gain": "calibrate the gain of the torque",
     "inertia": "measure the inertia of leg and device by other means",
 }
-#: Doubt that names no parameter -> what to do about it.
-_REMEDIES: Final[Mapping[str, str]] = {
-    Doubt.HELD_TORQUE: "use doublets of two shapes and sizes, or short pulses of several sizes",
-    Doubt.SENSORS_CONTRADICT: "check the sensor that the note names",
-    Doubt.STEEP_CHANGE: "move this timing point away from the change, or report its neighbours",
-    Doubt.RESPONSES_UNLIKE_SIZE: "check the torque that the motor gave; leave out larger pulses",
-    Doubt.RESPONSES_MISFIT: "look at the responses of this timing point: jointz explore",
-}
 #: A measurement is named if it makes the interval narrower by this share.
 _WORTH_NAMING: Final = 0.1
 _MOST_NAMED: Final = 3
 _NOTHING_ALONE: Final = "no single measurement would be enough"
-_CHECK: Final = "check what the reason names"
 _HARDLY: Final = "no single measurement helps by more than a tenth; the best"
-#: Why K and B are undecided after such pulses, however many there are.
-HELD: Final = "K and B are not identifiable from pulses that hold one torque"
-#: Doubts with which values or their limits are available.
-_AGAINST_NONE: Final = frozenset({Doubt.HELD_TORQUE.value, Doubt.SENSORS_CONTRADICT.value})
 _NO_INTERVAL: Final = "the interval is too wide for any limit"
 #: Numbers of a reason or remedy, which differ between estimates of one kind.
 _NUMBERS: Final = re.compile(r": ±\s[>\s\d]+%")
@@ -118,9 +109,14 @@ def _details(cells: Sequence[CellEstimate]) -> _Row:
 def _undecided(analysis: StudyAnalysis) -> list[_Row]:
     """Return a row for each undecided K, B and J."""
     sds, coupling = relative_sds(analysis), used_coupling(analysis)
-    posteriors = {posterior.label: posterior for posterior in analysis.log_posteriors}
     return [
-        _row(cell, estimate, sds, posteriors.get(cell.label), parts_by_source(cell, name, coupling))
+        _row(
+            analysis,
+            cell,
+            estimate,
+            sds,
+            parts_by_source(cell, name, coupling),
+        )
         for cell in analysis.cells
         for name in ABSOLUTE
         if (estimate := cell.parameter(name)) is not None and estimate.status == "undecided"
@@ -146,10 +142,10 @@ def parts_by_source(cell: CellEstimate, name: str, coupling: Coupling) -> dict[s
 
 
 def _row(
+    analysis: StudyAnalysis,
     cell: CellEstimate,
     estimate: ParameterEstimate,
     sds: Mapping[_Key, float],
-    posterior: LogPosterior | None,
     parts: Mapping[str, float],
 ) -> _Row:
     sd = sds.get((cell.label, estimate.name, cell.timing_point))
@@ -162,45 +158,13 @@ def _row(
     }
     if sd is not None:
         row["unit"] += f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
-    if posterior and is_withheld(estimate, posterior):
-        return {**row, "why": _contradictions(posterior), "remedy": remedies(posterior)}
-    if posterior and Doubt.HELD_TORQUE.value in posterior.doubts and estimate.name != "inertia":
-        return {**row, "why": HELD, "remedy": _REMEDIES[Doubt.HELD_TORQUE]}
+    if found := withheld(analysis, cell, estimate):
+        return {**row, "why": found.contradictions, "remedy": found.remedies}
+    if is_held(analysis, cell, estimate):
+        return {**row, "why": HELD, "remedy": DOUBLETS}
     others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
     why = _too_wide(estimate, sd, others)
     return {**row, "why": why, "remedy": _remedy(estimate, sd, parts)}
-
-
-def is_withheld(estimate: ParameterEstimate, posterior: LogPosterior) -> bool:
-    """Return whether a doubt about the person's model withholds an estimate and its limits."""
-    undecided = estimate.status == "undecided" and estimate.ci_low is None
-    return undecided and not _AGAINST_NONE.issuperset(posterior.doubts)
-
-
-def main_contradiction(posterior: LogPosterior) -> tuple[str, str]:
-    """Return the parameter that is farthest off, or else the first doubt, and what to check."""
-    if posterior.unlikely:
-        # Errors of any sensor may look like a reflex, too.
-        farthest = max(
-            posterior.unlikely, key=lambda found: (not found.name.startswith("reflex"), found.sds)
-        )
-        return str(farthest), farthest.remedy
-    doubt = next(Doubt(code) for code in posterior.doubts if code not in _AGAINST_NONE)
-    meaning = doubt.meaning.partition(";")[0].partition(":")[0]
-    return meaning, _REMEDIES.get(doubt, _CHECK)
-
-
-def _contradictions(posterior: LogPosterior) -> str:
-    """Say what speaks against a person's model, and which parameters do."""
-    meanings = [Doubt(code).meaning for code in posterior.doubts]
-    return "; ".join([*meanings, *map(str, posterior.unlikely)])
-
-
-def remedies(posterior: LogPosterior) -> str:
-    """Say what to check about the parameters and responses that contradict the model."""
-    of_doubts = [_REMEDIES[doubt] for doubt in posterior.doubts if doubt in _REMEDIES]
-    named = dict.fromkeys([*(found.remedy for found in posterior.unlikely), *of_doubts])
-    return "; ".join(named) or _CHECK
 
 
 def _too_wide(estimate: ParameterEstimate, sd: float | None, others: Sequence[float]) -> str:
