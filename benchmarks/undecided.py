@@ -58,7 +58,7 @@ def reasons(analysis: StudyAnalysis) -> Iterator[tuple[str, str]]:
     section = uncertainty_section(analysis)
     for row in section["undecided"] if section else ():
         (kind,) = grouped([row])
-        why = _WIDTH.sub("", kind["why"].partition("; ")[0])
+        why = _WIDTH.sub("", re.split(r"; (?![^(]*\))", kind["why"])[0])
         yield why, row["remedy"].partition(": ±")[0]
     for cell in analysis.cells:
         for name in PARAMETERS:

@@ -46,6 +46,8 @@ _HARDLY: Final = "no single measurement helps by more than a tenth; the best"
 _NO_INTERVAL: Final = "the interval is too wide for any limit"
 #: Numbers of a reason or remedy, which differ between estimates of one kind.
 _NUMBERS: Final = re.compile(r": ±\s[>\s\d]+%")
+#: Between two reasons or remedies, not inside brackets.
+_BETWEEN: Final = re.compile(r"; (?![^(]*\))")
 _Row = dict[str, Any]
 _Key = tuple[str, str, str]  # participant, parameter, timing point
 
@@ -81,7 +83,7 @@ def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
 
 def _main(text: str) -> str:
     """Return the first reason or remedy of a text without its numbers."""
-    return _NUMBERS.sub("", text.partition("; ")[0])
+    return _NUMBERS.sub("", _BETWEEN.split(text)[0])
 
 
 def _where(rows: Sequence[Mapping[str, str]]) -> str:
