@@ -69,7 +69,7 @@ def test_who_does_not_answer_for_one_simulated_person_is_not_asked_for_the_next(
 
 
 def test_the_console_hands_the_file_or_the_simulation_to_the_run(config, tmp_path):
-    about = {"participants": 2, "seed": None, "calibration": None}
+    about = {"participants": 2, "seed": None, "live": True, "calibration": None}
     real = _arguments("walking", tmp_path, RigOptions(config=config), **about)
     assert real[real.index("--config") + 1] == str(config)
     assert not {"--device", "--preset"} & set(real)
@@ -82,7 +82,7 @@ def test_the_console_hands_the_file_or_the_simulation_to_the_run(config, tmp_pat
 def test_the_console_hands_a_calibration_to_the_run(tmp_path):
     file = tmp_path / "calibration.toml"
     file.write_text("[calibration]\nangle_lag_s = { value = 0.02, sd = 0.001 }\n")
-    about = {"participants": None, "seed": None, "calibration": file}
+    about = {"participants": None, "seed": None, "live": True, "calibration": file}
     made = _arguments("walking", tmp_path, RigOptions(), **about)
     assert made[made.index("--calibration") + 1] == str(file)
     file.write_text("[calibration]\nangle_lag_s = 1\n")
@@ -91,7 +91,7 @@ def test_the_console_hands_a_calibration_to_the_run(tmp_path):
 
 
 def test_the_console_tells_what_is_wrong_before_its_page_is_served(config, tmp_path):
-    about = {"participants": None, "seed": None, "calibration": None}
+    about = {"participants": None, "seed": None, "live": True, "calibration": None}
     with pytest.raises(DataError, match="config"):
         _arguments("walking", tmp_path, RigOptions("sim", config), **about)
     config.write_text(ACTUATOR + CONTACT)

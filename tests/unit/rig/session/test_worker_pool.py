@@ -45,7 +45,7 @@ def run(rigs, monkeypatch):
             return {"of": one.wearer.id, "operator": operator}
 
         monkeypatch.setattr(session_run, "run_participant", run_participant)
-        settings = SimpleNamespace(attended=attended)
+        settings = SimpleNamespace(attended=attended, live=False)
         told = []
         try:
             reports = run_people(
