@@ -115,7 +115,7 @@ def test_the_demo_replaces_its_own_folder(jointz, tmp_path):
     assert outcome.code == 0
     assert "Report: " in outcome.out
     assert re.search(
-        r"holding one torque decides \d+ of 24 K and B; .* decide \d+ of 24", outcome.out
+        r"with one held torque \d+ of 24 K and B are available, .* \d+ of 24", outcome.out
     )
     assert len(stale.read_text()) > 1000
     assert [p.name for p in tmp_path.iterdir()] == ["demo"]

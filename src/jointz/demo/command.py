@@ -69,7 +69,13 @@ def demo(
         ]
         for row in accuracy
     ]
-    header = ["protocol", "parameter", "decided", "RMS error", "95 % intervals that hold the truth"]
+    header = [
+        "protocol",
+        "parameter",
+        "available",
+        "RMS error",
+        "95 % intervals that contain the truth",
+    ]
     emit_table(rows, header, title="Two protocols on the same simulated people")
     emit(demonstration.lesson())
     emit(f"Report: {demonstration.report}")

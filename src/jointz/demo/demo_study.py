@@ -121,8 +121,8 @@ class Demo:
             for one in (self.dissertation, self.doublets)
         )
         return (
-            f"The same people, as many pulses: holding one torque decides {held} K and B; "
-            f"doublets of two shapes and sizes with three sensors decide {doublets}."
+            f"The same people, as many pulses: with one held torque {held} K and B are available, "
+            f"with doublets of two shapes and sizes and three sensors {doublets}."
         )
 
 

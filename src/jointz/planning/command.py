@@ -210,7 +210,7 @@ def _print(made: "Plan") -> None:
             ]
             for e in made.estimates
         ],
-        ["", "pulses", "", "typical leg", share, "any number of pulses", "decided"],
+        ["", "pulses", "", "typical leg", share, "any number of pulses", "available"],
         title="Half of the 95 % interval, % of the value",
     )
     emit(f"Pulses: {made.pulses}.")
