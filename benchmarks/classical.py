@@ -4,8 +4,9 @@ Simulated people (``realistic``: strap, reflex, softening, late sensors) walk wi
 kind; the dissertation's method estimates K, B and J. Written is the root mean square of the
 relative errors of all values that the method gives, off the nearest of the joint's own at the
 onset and over the window, to docs/tables/classical.csv; the same of studies A, B and C of another
-simulator (benchmarks.real_legs). jointz/reference/classical_errors.py has the smaller and the
-larger of both.
+simulator (benchmarks.real_legs). A third one has doublets only: rows ``attacks`` are added by hand
+from ``python -m benchmarks.attacks --only clean_dissertation --people 20 --per-point 24``.
+jointz/reference/classical_errors.py has the smallest and the largest of all.
 """
 
 import argparse

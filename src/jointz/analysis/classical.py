@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.method_names import DISSERTATION, WITH_POSTERIOR
-from jointz.reference.classical_errors import RMS_PCT
+from jointz.reference.classical_errors import RMS_PCT, SIMULATORS
 from jointz.report.wording import joined
 from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate
 from jointz.results.fit import SYMBOLS
@@ -90,7 +90,7 @@ def classical_note(classical: StudyAnalysis) -> str:
     )
     return (
         f"{note} In simulated people with {_KINDS[kind]} such values were off by {errors} (RMS, "
-        "two simulators)."
+        f"{SIMULATORS[kind]} simulators)."
     )
 
 
