@@ -1,5 +1,6 @@
 """``jointz console``: the page of the operator beside the treadmill."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -30,11 +31,12 @@ def console(
         bool, typer.Option("--resume", help="Continue a run, or find the running one.")
     ] = False,
     live: Annotated[
-        bool,
+        bool | None,
         typer.Option(
-            " /--no-live", help="Do not estimate while the session runs.", show_default=False
+            "--live/--no-live",
+            help="Estimate while the session runs (default: on a machine of three or more cores).",
         ),
-    ] = True,
+    ] = None,
     calibration: CalibrationOption = None,
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port of the page; 0 for any.")
@@ -67,7 +69,7 @@ def console(
             rig,
             participants=participants,
             seed=seed,
-            live=live,
+            live=(os.cpu_count() or 1) >= _LEAST_CORES if live is None else live,
             calibration=calibration,
         ),
         resume=resume,
@@ -79,6 +81,10 @@ def console(
         emit_error("KeyboardInterrupt", left)
     sys.stderr.write(f"jointz: {left}\n")
     sys.exit(EXIT_STOPPED)  # not by typer, which has its own message for Ctrl-C
+
+
+#: The loop and everything else of a session take one each; of two, an estimate makes it miss slots.
+_LEAST_CORES = 3
 
 
 def _arguments(

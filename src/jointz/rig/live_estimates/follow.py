@@ -10,24 +10,21 @@ from pathlib import Path
 from typing import Any, Final
 
 from jointz.core.errors import JointzError
+from jointz.core.whole_file import whole_file
 from jointz.rig.experiment.files.journal import read_journal
 from jointz.rig.experiment.files.session_files import JOURNAL_FILE
-from jointz.rig.experiment.files.whole_files import write_whole
 from jointz.rig.live_estimates.live_estimate import estimate_so_far
 from jointz.rig.session.rigs.rig_settings import RigSettings, open_rig
 from jointz.rig.session.run_settings import LIVE_FILE, RunSettings
 from jointz.tasks.engine import on_one_thread
 
 _PERIOD_S: Final = 1.0
-#: The control loop, and everything else, goes first.
-_NICE: Final = 15
 
 
 def follow(settings: RunSettings, rig: RigSettings, number: int, ended: Ended) -> None:
     """Estimate after new pulses until the session has ended, and write the newest estimate."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C of the terminal is the session's
-    with suppress(AttributeError, OSError):  # not on Windows
-        os.nice(_NICE)
+    _give_way()
     opened, parent = open_rig(rig, number), multiprocessing.parent_process()
     folder, done = settings.session_folder(opened.wearer.id), 0
     while not ended.wait(_PERIOD_S) and (parent is None or parent.is_alive()):
@@ -36,7 +33,14 @@ def follow(settings: RunSettings, rig: RigSettings, number: int, ended: Ended) -
             done = count
             content = _content(lambda: estimate_so_far(settings, opened).to_dict())
             if not ended.is_set():  # the session's folder may be gone, or its study complete
-                write_whole(folder / LIVE_FILE, json.dumps(content))
+                with whole_file(folder / LIVE_FILE) as partial:  # not forced to the disk
+                    partial.write_text(json.dumps(content), encoding="utf-8")
+
+
+def _give_way() -> None:
+    """Run only while nobody else wants a core: the control loop goes first."""
+    with suppress(AttributeError, OSError):  # Linux only
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def _pulses_done(folder: Path) -> int:

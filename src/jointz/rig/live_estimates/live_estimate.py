@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from jointz.results.study_analysis import StudyAnalysis
 from jointz.rig.devices.interface import Rig
 from jointz.rig.live_estimates.study_so_far import write_study_so_far
 from jointz.rig.session.run_settings import RunSettings
+
+#: A disk in memory: forcing recordings to a real one would hold up the log of the session.
+_MEMORY: Final = Path("/dev/shm")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +58,7 @@ def estimate_so_far(settings: RunSettings, rig: Rig) -> LiveEstimate:
 
     Raises DataError if nothing can be read or estimated yet.
     """
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory(dir=_MEMORY if _MEMORY.is_dir() else None) as folder:
         root = Path(folder) / "study"
         write_study_so_far(settings, rig, root)
         study = open_study(root)
