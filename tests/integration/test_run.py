@@ -10,8 +10,6 @@ import pytest
 import jointz
 from jointz.analysis.page.event_figures import draw_onset_accuracy
 from jointz.analysis.paper.methods_text import methods_text
-from jointz.core.codes import Trip
-from jointz.core.errors import SafetyStop
 from jointz.core.session_log import WALKING
 from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.log_reader import read_log
@@ -57,10 +55,11 @@ def test_both_clocks_write_the_same_log_but_for_host_time(short_walking, tmp_pat
     fast = jointz.run(brief, out=tmp_path / "fast", seed=3)
     log = "sessions/S01/logs/unperturbed-0.jzlog"
     virtual = read_log(fast.study / log)
-    real = jointz.run(brief, out=tmp_path / "real", seed=3, clock="real")
-    found = read_log(real.study / log)
-    if not np.array_equal(found.records["slot"], np.arange(found.records.size)):
-        raise SafetyStop(Trip.OVERRUN, "slots were missed: the logs differ rightly")
+    for attempt in range(5):  # where a slot was missed, the logs differ rightly
+        real = jointz.run(brief, out=tmp_path / f"real-{attempt}", seed=3, clock="real")
+        found = read_log(real.study / log)
+        if np.array_equal(found.records["slot"], np.arange(found.records.size)):
+            break
     assert found.header == virtual.header
     assert (found.records["host_time_ns"] != virtual.records["host_time_ns"]).any()
     for name in {field.name for field in WALKING.fields} - HOST_FIELDS:
