@@ -21,7 +21,7 @@ from benchmarks.classical import KINDS, PARAMETERS, PULSES_A_POINT, SEED
 from benchmarks.realistic.rows import set_window
 
 import jointz
-from jointz.analysis.page.uncertainty_section import grouped, uncertainty_section
+from jointz.analysis.page.uncertainty_section import main_part, uncertainty_section
 from jointz.report.wording import status_meaning
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.rig.session.simulate_study import simulate_study
@@ -57,9 +57,7 @@ def reasons(analysis: StudyAnalysis) -> Iterator[tuple[str, str]]:
     """Yield reason and remedy of each K, B and J without a value."""
     section = uncertainty_section(analysis)
     for row in section["undecided"] if section else ():
-        (kind,) = grouped([row])
-        why = _WIDTH.sub("", re.split(r"; (?![^(]*\))", kind["why"])[0])
-        yield why, row["remedy"].partition(": ±")[0]
+        yield _WIDTH.sub("", main_part(row["why"])), row["remedy"].partition(": ±")[0]
     for cell in analysis.cells:
         for name in PARAMETERS:
             estimate = cell.parameter(name)

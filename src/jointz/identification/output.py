@@ -58,7 +58,7 @@ class Fit(Curves, Protocol):
 
     @property
     def status(self) -> str:
-        """Whether there is an estimate."""
+        """Status of the estimate, as in ``--json``."""
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the result."""

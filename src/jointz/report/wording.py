@@ -14,16 +14,15 @@ DASH: Final = "\N{EN DASH}"
 MINUS: Final = "\N{MINUS SIGN}"
 TIMES: Final = "\N{MULTIPLICATION SIGN}"
 
-#: Parameter -> (name in words, symbol), of those that every method has.
-PARAMETERS: Final = {name: PARAMETER_NAMES[name] for name in list(PARAMETER_NAMES)[:5]}
-#: The same with the parameters that only some methods have.
-ALL_PARAMETERS: Final = PARAMETER_NAMES
-
 #: What every method estimates, its symbols, the values per kg of body mass, those at the onset.
 ABSOLUTE: Final = ("stiffness", "damping", "inertia")
-SYMBOLS: Final = ("K", "B", "J")
+SYMBOLS: Final = tuple(PARAMETER_NAMES[name][1] for name in ABSOLUTE)
 PER_MASS: Final = ("stiffness_per_mass", "damping_per_mass")
 AT_ONSET: Final = ("stiffness_onset", "damping_onset")
+#: Parameter -> (name in words, symbol), of those that every method has.
+PARAMETERS: Final = {n: words for n, words in PARAMETER_NAMES.items() if n not in AT_ONSET}
+#: The same with the parameters that only some methods have.
+ALL_PARAMETERS: Final = PARAMETER_NAMES
 _WHICH_IS_WHICH: Final = (
     "Stiffness, damping and inertia are those along the measured motion in the window; stiffness "
     "and damping at the onset are those of small displacements at the onset of the pulse."

@@ -6,11 +6,12 @@ from typing import Any, ClassVar, Self
 
 import pandas as pd
 
+from jointz.core.channels import PARAMETER_NAMES
 from jointz.results.base import ParameterResult, checked_values, record_fields, record_frame
 from jointz.results.estimates import ParameterEstimate
 
 #: Impedance parameter -> its symbol.
-SYMBOLS = {"stiffness": "K", "damping": "B", "inertia": "J"}
+SYMBOLS = {name: PARAMETER_NAMES[name][1] for name in ("stiffness", "damping", "inertia")}
 
 
 class Fit(ParameterResult[ParameterEstimate]):

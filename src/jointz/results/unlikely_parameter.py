@@ -48,8 +48,13 @@ class UnlikelyParameter:
 
     @property
     def remedy(self) -> str:
-        """What to measure or check."""
+        """Measurement or check that may resolve the contradiction."""
         return next((r for begin, r in _REMEDIES.items() if self.name.startswith(begin)), _LOOK)
+
+    @property
+    def advice(self) -> str:
+        """The contradiction in a sentence, with its remedy."""
+        return f"{self}; {self.remedy}"
 
     def __str__(self) -> str:
         return (

@@ -1,7 +1,5 @@
 """Captions of the figures of the report."""
 
-import re
-
 from jointz.analysis.device_effect import stored_device_effect
 from jointz.analysis.page.event_figures import BY_DESIGN, strides_with_pulse
 from jointz.analysis.page.gait_figures import example_cell, shown_conditions
@@ -19,7 +17,7 @@ from jointz.analysis.summary import (
     mean_interval,
     means_of_people_together,
 )
-from jointz.report.html_page import render_template
+from jointz.report.html_page import render_paragraphs
 from jointz.report.subjects import shown_parameters, subjects
 from jointz.report.wording import onset_note
 from jointz.results.study_analysis import StudyAnalysis
@@ -30,7 +28,7 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
     words, walking = subjects(analysis), has_onsets(analysis)
     estimates = [p for c in analysis.cells for p in c.parameters]
     beside = overview_marks(analysis)
-    text = render_template(
+    paragraphs = render_paragraphs(
         "captions.txt.j2",
         words=words,
         walking=walking,
@@ -59,5 +57,5 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
         strides_with_pulse=strides_with_pulse(analysis),
         n_strides=len(analysis.strides),
     )
-    paragraphs = (block.partition(":") for block in re.split("\n\n+", text.strip("\n")))
-    return {name: caption.strip("\n").replace("\n", " ") for name, _, caption in paragraphs}
+    parts = (paragraph.partition(":") for paragraph in paragraphs)
+    return {name: caption.strip(" ") for name, _, caption in parts}

@@ -64,9 +64,8 @@ def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
     """Join rows of one parameter, main reason and main remedy, and say where they occur."""
     kinds: dict[tuple[str, ...], list[Mapping[str, str]]] = {}
     for row in rows:
-        kinds.setdefault((row["parameter"], _main(row["why"]), _main(row["remedy"])), []).append(
-            row
-        )
+        kind = row["parameter"], main_part(row["why"]), main_part(row["remedy"])
+        kinds.setdefault(kind, []).append(row)
     return [
         {
             "where": _where(own),
@@ -81,7 +80,7 @@ def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
     ]
 
 
-def _main(text: str) -> str:
+def main_part(text: str) -> str:
     """Return the first reason or remedy of a text without its numbers."""
     return _NUMBERS.sub("", _BETWEEN.split(text)[0])
 
@@ -112,13 +111,7 @@ def _undecided(analysis: StudyAnalysis) -> list[_Row]:
     """Return a row for each undecided K, B and J."""
     sds, coupling = relative_sds(analysis), used_coupling(analysis)
     return [
-        _row(
-            analysis,
-            cell,
-            estimate,
-            sds,
-            parts_by_source(cell, name, coupling),
-        )
+        _row(analysis, cell, estimate, sds, parts_by_source(cell, name, coupling))
         for cell in analysis.cells
         for name in ABSOLUTE
         if (estimate := cell.parameter(name)) is not None and estimate.status == "undecided"

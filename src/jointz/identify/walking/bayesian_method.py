@@ -273,7 +273,7 @@ class _Participant:
     def _notes(self) -> tuple[str, ...]:
         """Name sensors that are not used, and parameters that speak against the model."""
         unlikely = self._fitted.unlikely if self._fitted else ()
-        notes = (*self._choice.notes(), *(f"{found}; {found.remedy}" for found in unlikely))
+        notes = (*self._choice.notes(), *(found.advice for found in unlikely))
         return tuple(f"{self._data.participant}: {note}" for note in notes)
 
     # --- before the fit ------------------------------------------------------------------------

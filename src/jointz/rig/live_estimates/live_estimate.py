@@ -41,7 +41,7 @@ class LiveValue:
 
 @dataclass(frozen=True, slots=True)
 class LiveEstimate:
-    """What the pulses so far give."""
+    """Estimate from the pulses so far."""
 
     n_pulses: int  # pulses recorded, those excluded too
     minutes_per_pulse: float | None  # median time from pulse to pulse; None for fewer than two
@@ -119,7 +119,7 @@ def _messages(result: ParticipantResult, analysis: StudyAnalysis) -> list[str]:
         text
         for posterior in result.log_posteriors
         for text in (
-            *(f"{found}; {found.remedy}" for found in posterior.unlikely),
+            *(found.advice for found in posterior.unlikely),
             *(Doubt(code).meaning for code in posterior.doubts),
         )
     ]

@@ -6,19 +6,13 @@ from typing import Any
 from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.provenance import now
 from jointz.core.study import TorqueModelSpec
-from jointz.io.formats.netcdf_recording import write_recording
 from jointz.rig.devices.interface import Rig
 from jointz.rig.experiment.files.journal import read_journal
 from jointz.rig.experiment.files.session_files import JOURNAL_FILE, has_content, log_path
-from jointz.rig.session.recordings_report import open_recordings
+from jointz.rig.session.recordings_report import open_recordings, write_condition
 from jointz.rig.session.run_claim import STUDY_FILE
-from jointz.rig.session.run_settings import (
-    RunSettings,
-    has_pulse_table,
-    pulses_name,
-    recording_name,
-)
-from jointz.rig.session.study_file import exclusions_csv, pulses_csv, study_toml
+from jointz.rig.session.run_settings import RunSettings
+from jointz.rig.session.study_file import exclusions_csv, study_toml
 
 
 def write_study_so_far(settings: RunSettings, rig: Rig, out: Path) -> None:
@@ -33,10 +27,7 @@ def write_study_so_far(settings: RunSettings, rig: Rig, out: Path) -> None:
     out.mkdir()
     for condition in begun:
         record = session.record(condition)
-        write_recording(record.recording, out / recording_name(person, condition.name))
-        if has_pulse_table(protocol, condition):
-            text = pulses_csv(record.pulses)
-            (out / pulses_name(person, condition.name)).write_text(text, encoding="utf-8")
+        write_condition(out, session, condition, record)
         aborted += session.aborted_rows(condition, record)
         devices = record.logs[0].header["devices"]
     if aborted:

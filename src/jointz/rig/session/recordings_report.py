@@ -47,10 +47,7 @@ def write_recordings(rig: Rig, settings: RunSettings, folder: Path) -> dict[str,
     report["torque_model"] = None
     for condition in protocol.conditions:
         record = session.record(condition)
-        write_recording(record.recording, settings.study / recording_name(wearer, condition.name))
-        if has_pulse_table(protocol, condition):
-            file = settings.study / pulses_name(wearer, condition.name)
-            write_whole(file, pulses_csv(record.pulses))
+        write_condition(settings.study, session, condition, record)
         report["devices"] = record.logs[0].header["devices"]
         actuator = report["devices"]["actuator"]
         report["torque_model"] = actuator["torque_model"] if actuator else report["torque_model"]
@@ -70,6 +67,16 @@ def write_recordings(rig: Rig, settings: RunSettings, folder: Path) -> dict[str,
     if hasattr(rig, "bench_truth"):
         report["truth"] = rig.bench_truth()
     return report
+
+
+def write_condition(
+    study: Path, session: SessionRecordings, condition: ConditionSpec, record: ConditionRecord
+) -> None:
+    """Write the recording of a condition into a study, with its table of pulses."""
+    person = session.participant
+    write_recording(record.recording, study / recording_name(person, condition.name))
+    if has_pulse_table(session.protocol, condition):
+        write_whole(study / pulses_name(person, condition.name), pulses_csv(record.pulses))
 
 
 def _timing_rows(

@@ -82,6 +82,8 @@ class LiveSession:
         self._of_log: tuple[str, int] | None = None
         self._motion: Motion | None = None
         self._onsets: dict[str, dict[tuple[int, int], StartedPulse]] = {}
+        self._estimate: dict[str, Any] = {}
+        self._estimate_of: tuple[Path, int] | None = None  # file, and when it was written
         self._grew_s = time.monotonic()
         self._paused_at, self._paused_strides = -1, 0
         #: Whether its process was seen gone, and what stands in the journal is of that one.
@@ -260,14 +262,17 @@ class LiveSession:
         return told
 
     def _estimates(self) -> dict[str, Any]:
-        """Return the newest live estimate, empty without one."""
-        file = self._folder / LIVE_FILE if self._folder else None
-        if file is None or not file.exists():
+        """Return the newest live estimate, read where it has changed; empty without one."""
+        if self._folder is None:
             return {}
+        file = self._folder / LIVE_FILE
         try:
-            return read_object(file)
-        except DataError:  # it is replaced whole: somebody else wrote it
+            written = file, file.stat().st_mtime_ns
+            if written != self._estimate_of:
+                self._estimate, self._estimate_of = read_object(file), written
+        except (DataError, OSError):  # not there yet; it is replaced whole: somebody else wrote it
             return {}
+        return self._estimate
 
     def _of_trial(self, progress: SessionProgress) -> dict[str, Any]:
         trial = progress.trial(progress.condition)
