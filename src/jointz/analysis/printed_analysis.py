@@ -86,7 +86,7 @@ def _counts(analysis: StudyAnalysis) -> str:
     return (
         f"{counted_people(analysis)}, {len(analysis.cells)} cells, method "
         f"{' and '.join(methods) or '-'}; pulses: {study_counts(analysis).pulses_text}. "
-        f"{analysis.withdrawn_text}"
+        f"{analysis.changes_text}"
     )
 
 

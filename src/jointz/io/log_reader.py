@@ -67,7 +67,7 @@ def read_log(path: Path, *, salvage: bool = False) -> SessionLog:
     good = _fitting(body, size)
     whole = good.size if good.all() else int(np.argmin(good))
     starts = range(0, whole * size, size)
-    if not salvage:
+    if not salvage or good.all():
         _refuse_damage(path, good, body[whole * size :])
         return SessionLog(
             header.values,

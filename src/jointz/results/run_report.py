@@ -52,6 +52,9 @@ class RunReport(PlottedResult):
     # ``participant, condition, segment`` and timing statistics of the control loop
     timing: tuple[Mapping[str, Any], ...]
     salvaged: tuple[str, ...] = ()  # sentences about damaged files and the data lost with them
+    # ``participant, condition, decisions, steered`` (decisions that moved pulses to other timing
+    # points), ``stopped, planned, completed``: sessions with decisions of live estimates
+    decisions: tuple[Mapping[str, Any], ...] = ()
 
     def to_frame(self) -> pd.DataFrame:
         """Return the onsets as a table, one row a participant, condition and timing point."""
@@ -84,6 +87,33 @@ class RunReport(PlottedResult):
             "timing point moved a knee beyond safety.displacement_rad three times in a row."
         )
 
+    @property
+    def decided_text(self) -> str:
+        """What live estimates decided, "" for nothing."""
+        steered = [row for row in self.decisions if row["steered"]]
+        stopped = [row for row in self.decisions if row["stopped"]]
+        texts = []
+        if steered:
+            texts.append(
+                f"Live estimates moved pulses to timing points with wide intervals in "
+                f"{len(steered)} of {len(self.decisions)} sessions "
+                f"({sum(row['steered'] for row in steered)} decisions)."
+            )
+        if stopped:
+            done = sorted({row["completed"] for row in stopped})
+            after = f"{done[0]}" if len(done) == 1 else f"{done[0]} to {done[-1]}"
+            texts.append(
+                f"{len(stopped)} of {len(self.decisions)} sessions ended before the plan, after "
+                f"{after} of {max(row['planned'] for row in stopped)} pulses: live estimates had "
+                "reached every planned half-width."
+            )
+        return " ".join(texts)
+
+    @property
+    def changes_text(self) -> str:
+        """How the pulses differ from the plan, "" where they do not."""
+        return " ".join(filter(None, (self.withdrawn_text, self.decided_text)))
+
     def summary(self) -> str:
         """Return a few lines of text."""
         table = self.to_frame()
@@ -95,8 +125,8 @@ class RunReport(PlottedResult):
         repeated_text = ", ".join(f"{count} {name}" for name, count in repeated.items() if count)
         done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
         lines.append(f"{done}; done again: {repeated_text}" if repeated_text else done)
-        if self.withdrawn_text:
-            lines.append(self.withdrawn_text)
+        if self.changes_text:
+            lines.append(self.changes_text)
         for name, row in self.pooled_onsets().to_dict("index").items():
             lines.append(f"{name}: {_onset_sentence(row)}")
         return "\n".join([*lines, *self.salvaged])

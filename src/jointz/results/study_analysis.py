@@ -167,9 +167,9 @@ class StudyAnalysis(Result):
         return RunReport.from_dict(report) if report else None
 
     @property
-    def withdrawn_text(self) -> str:
-        """How many pulses of the run were withdrawn and why, "" for none."""
-        return self.run.withdrawn_text if self.run else ""
+    def changes_text(self) -> str:
+        """How the pulses of the run differ from its plan, "" where they do not."""
+        return self.run.changes_text if self.run else ""
 
     def to_frame(self) -> pd.DataFrame:
         """Return the estimates as a tidy table, one row an estimate."""

@@ -22,6 +22,7 @@ from jointz.control.motor import Motor
 from jointz.control.rendering.actuators import ActuatorFile
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.codes import Doubt, Exclusion, Failure
+from jointz.core.protocols.protocol_models import LiveSpec
 from jointz.core.study import StudySpec
 from jointz.demo.demo_study import run_demo
 from jointz.identify.estimators import METHODS
@@ -132,6 +133,8 @@ def test_every_toml_block_is_valid(body):
         ActuatorFile.model_validate(content)
     elif "resistance_ohm" in content:
         Motor.model_validate(content)
+    elif "live" in content:
+        LiveSpec.model_validate(content["live"])
     else:
         assert set(content) <= set(StudySpec.model_fields)
 

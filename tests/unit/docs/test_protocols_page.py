@@ -17,6 +17,7 @@ EXAMPLES = re.findall(r"^```toml protocol\n(.*?)^```", PAGE, re.DOTALL | re.MULT
 SECTIONS = {
     "Protocol": "Top level",
     "RatesSpec": "rates",
+    "LiveSpec": "live",
     "GaitSpec": "gait",
     "PulseSpec": "pulse",
     "ExpectedJoint": "expected_joint",

@@ -338,7 +338,7 @@ def run_section(run: RunReport) -> dict[str, Any]:
             "most": max(g["most"] for g in run.gaps),
             "longer": sum(g["longer_than_planned"] for g in run.gaps),
         },
-        "withdrawn": run.withdrawn_text,
+        "changes": run.changes_text,
         **{
             key: sum(t[key] for t in run.timing)
             for key in ("ticks", "missed_slots", "clamped_ticks")

@@ -61,7 +61,7 @@ def methods_facts(analysis: StudyAnalysis) -> _Facts:
         "intervals": interval_facts(analysis),
         "quasi_stiffness": _quasi_stiffness_facts(analysis),
         "nobody_perturbed": nobody_perturbed(analysis),
-        "withdrawn": analysis.withdrawn_text,
+        "changes": analysis.changes_text,
         "excluded_pulses": Counter(p.code for p in analysis.pulses if p.code),
         "strides": len(analysis.strides),
         "excluded_strides": Counter(s.code for s in analysis.strides if s.code),

@@ -196,7 +196,37 @@ def _control_has_no_pulses(protocol: ProtocolFields) -> Iterator[Problem]:
             yield Problem(key, message)
 
 
+def _live_can_decide(protocol: ProtocolFields) -> Iterator[Problem]:
+    live = protocol.live
+    if live is None:
+        return
+    if protocol.kind != "walking":
+        yield Problem(("live",), f"estimates in walking, and this is a {protocol.kind}. Remove it.")
+        return
+    if live.planned_half_width_pct is not None and protocol.planned_half_width_pct:
+        message = "the protocol has a table of that name, too. Remove one of the two."
+        yield Problem(("live", "planned_half_width_pct"), message)
+    if not live.decides:
+        return
+    plans = [c.perturbations for c in protocol.conditions if c.perturbations is not None]
+    if len(plans) != 1:
+        message = f"expected one condition with perturbations, found {len(plans)}."
+        yield Problem(("live", "may"), f'{message} Set may = "show".')
+        return
+    if not protocol.wishes:
+        message = "missing; it says which half-widths are narrow enough, % of the value."
+        yield Problem(("live", "planned_half_width_pct"), message)
+    few = [point for point, count in plans[0].counts.items() if count < live.fewest_pulses]
+    if few:
+        message = f"expected at most count_per_point, which {', '.join(few)} does not have."
+        yield Problem(("live", "fewest_pulses"), f"{message} Give them more pulses.")
+    if "steer" in live.may and plans[0].order in ("sequential", "cyclic"):
+        message = f'order = "{plans[0].order}" fixes where pulses come. Set order = "balanced".'
+        yield Problem(("live", "may"), message)
+
+
 PROTOCOL_CHECKS = (
+    _live_can_decide,
     _names_unique,
     _loads_unique,
     _points_mean_one_place,

@@ -6,7 +6,7 @@ from functools import partial
 from math import isclose
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from jointz.core.checked_model import Check, CheckedModel, Problem
 from jointz.core.gait_phases import ALL_POINTS, FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
@@ -33,6 +33,8 @@ CalibrationStep = Literal["zero", "footswitch", "hinge", "frame", "leg", "torsio
 MotionSensor = Literal["goniometer", "encoder", "gyroscopes"]
 #: What a session does when the page of its operator is lost.
 WithoutConsole = Literal["go_on", "stop"]
+#: What live estimates may do: be shown, move the pulses to come to other timing points, end them.
+LiveAction = Literal["show", "steer", "stop"]
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -78,6 +80,10 @@ class RatesSpec(CheckedModel):
                 f"expected a whole multiple of control_hz = {self.control_hz:g} Hz or a whole "
                 f"fraction of it, got {self.sample_hz:g} Hz.",
             )
+
+
+def _as_list(value: Any) -> Any:
+    return (value,) if isinstance(value, str) else value
 
 
 def _kind_of_count(value: Any) -> str:
@@ -362,6 +368,26 @@ class ExpectedJoint(CheckedModel):
     inertia: Annotated[float, Field(gt=0, le=_LARGEST["inertia"])]
 
 
+class LiveSpec(CheckedModel):
+    """Estimates while a session runs, and what they may change of it.
+
+    ``planned_half_width_pct`` stands for K, B and J at all timing points; without it the table of
+    the protocol holds. No timing point is decided upon before it has ``fewest_pulses``.
+    """
+
+    may: Annotated[tuple[LiveAction, ...], BeforeValidator(_as_list)] = Field(
+        default=("show",), min_length=1, strict=False
+    )
+    planned_half_width_pct: Positive | None = None
+    fewest_pulses: Annotated[int, Field(ge=20, le=10_000)] = 20
+    every_pulses: Count = 24
+
+    @property
+    def decides(self) -> bool:
+        """Whether an estimate changes the session."""
+        return bool({"steer", "stop"} & set(self.may))
+
+
 class ProtocolFields(CheckedModel):
     """Keys of a protocol file, schema version 1."""
 
@@ -386,6 +412,7 @@ class ProtocolFields(CheckedModel):
     sensors: tuple[MotionSensor, ...] = Field(default=(), strict=False)
     safety: LimitsOverride = LimitsOverride()
     planned_half_width_pct: PlannedHalfWidths | None = None
+    live: LiveSpec | None = None
     without_console: WithoutConsole = "go_on"
     loads: tuple[LoadSpec, ...] = Field(default=(), strict=False)
     conditions: tuple[ConditionSpec, ...] = Field(min_length=1, strict=False)
@@ -394,6 +421,19 @@ class ProtocolFields(CheckedModel):
     def shapes(self) -> tuple[Pulse, ...]:
         """Every pulse of the protocol."""
         return self.pulses if self.pulse is None else (self.pulse,)
+
+    @property
+    def wishes(self) -> PlannedHalfWidths | None:
+        """Half-widths that are wanted, % of the value, by parameter and timing point."""
+        if self.live is None or self.live.planned_half_width_pct is None:
+            return self.planned_half_width_pct
+        points = {
+            point: self.live.planned_half_width_pct
+            for condition in self.conditions
+            if condition.perturbations is not None
+            for point in condition.perturbations.timing_points or {}
+        }
+        return {"stiffness": points, "damping": points, "inertia": points}
 
     @property
     def by_gait(self) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -37,6 +38,9 @@ from jointz.identify.preparation.pulses import (
 from jointz.identify.preparation.triggers import pulses_from_trigger, triggers_of
 from jointz.identify.study_kinds import StudyKind
 from jointz.kernels.robust_spread import robust_sd
+
+if TYPE_CHECKING:
+    from jointz.identify.walking.posterior import LastFit
 
 _STRIKE_CHANNELS = (HEEL_STRIKES, "contact", "ground_reaction_force", "cycle")
 #: Channel of the friction in a torque from current, a name that no channel of a user has.
@@ -89,6 +93,7 @@ class ParticipantSettings:
     device: DeviceSpec | None = None  # device worn on the limb
     priors: PriorsSpec = field(default_factory=PriorsSpec)  # those that the study states
     coupling: str = "strap"  # of device and leg: ``strap`` or ``rigid``
+    last_fit: "LastFit | None" = None  # where the fit begins, if estimates follow each other
 
     @property
     def timing_points(self) -> Mapping[str, float]:

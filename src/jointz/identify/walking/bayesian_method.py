@@ -5,7 +5,7 @@ displacement; coupled rigidly, it moves with the bone. In both, K and B drift ov
 reflex answers, and all timing points and shapes of pulse of a participant are explained together.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -336,7 +336,8 @@ class _Participant:
             calibrated_lag(known),
             coupling,
         )
-        posterior = explain(model, priors)
+        fit = explain if settings.last_fit is None else settings.last_fit.explain
+        posterior = fit(model, priors)
         return _Explained(
             cells=tuple(cells),
             posterior=posterior,
@@ -345,7 +346,7 @@ class _Participant:
             body=body,
             known=known,
             instruments=unlikely_instruments(posterior, coupling.fixed),
-            unlikely_lag=_unlikely_lag(model, priors),
+            unlikely_lag=_unlikely_lag(model, priors, fit),
             fits=tuple(_fitted(posterior, k) for k in range(len(cells))),
             unlike_size=differs_with_size(posterior),
             sensors_contradict=bool(self._choice.odd)
@@ -477,10 +478,12 @@ class _Participant:
         )
 
 
-def _unlikely_lag(model: LegModel, priors: LegPriors) -> UnlikelyParameter | None:
+def _unlikely_lag(
+    model: LegModel, priors: LegPriors, fit: Callable[[LegModel, LegPriors], LegPosterior]
+) -> UnlikelyParameter | None:
     if priors.lag is None:
         return None
-    return unlikely_lag(explain(model, replace(priors, lag=None)), priors.lag)
+    return unlikely_lag(fit(model, replace(priors, lag=None)), priors.lag)
 
 
 def _failures_after(explained: _Explained) -> dict[str, Failure | None]:

@@ -83,6 +83,29 @@ def explain(
     return LegPosterior(model, fits, softmax([fit.log_evidence for fit in fits]))
 
 
+class LastFit:
+    """The likeliest fit of an estimate, at which the next one of the same session begins.
+
+    Between full fits, which come every so many, all other hypotheses are left out.
+    """
+
+    def __init__(self, *, full_every: int) -> None:
+        self._full_every = full_every
+        self._fits: dict[object, tuple[MapFit, int]] = {}
+
+    def explain(self, model: LegModel, priors: LegPriors) -> LegPosterior:
+        """Return the posterior, by one hypothesis where the last fit is of the same parameters."""
+        key = (model.layout, priors.lag is None)
+        last, uses = self._fits.get(key, (None, 0))
+        if last is None or uses + 1 >= self._full_every:
+            posterior, uses = explain(model, priors), -1
+        else:
+            fit = MapSearch(model, last.prior).fit(last.theta)
+            posterior = LegPosterior(model, (fit,), np.ones(1))
+        self._fits[key] = posterior.best, uses + 1
+        return posterior
+
+
 def _is_far_less_likely(hypothesis: Hypothesis, tried: Sequence[tuple[Hypothesis, MapFit]]) -> bool:
     """Return whether what is supposed was so before, all else the same."""
     return any(

@@ -7,7 +7,8 @@ from jointz.core.errors import SafetyStop
 from jointz.core.limits import ACTUATOR_LATE_S, LOOK_AHEAD_S
 from jointz.core.protocols.pulse_models import Pulse, name_of
 from jointz.core.protocols.pulse_waveform import PulseWaveform
-from jointz.rig.experiment.files.journal import Journal
+from jointz.rig.experiment.decisions import Decision, Decisions, PulseHistory, written_pulses
+from jointz.rig.experiment.files.journal import Event, Journal
 from jointz.rig.experiment.gait.gait_watch import GaitWatch
 from jointz.rig.experiment.plan import PlannedPulse
 from jointz.rig.experiment.scheduler import Scheduler
@@ -32,7 +33,10 @@ class PulseRunner:
         journal: Journal,
         period_ns: int,
         inertia: float | None = None,
+        decisions: Decisions | None = None,
     ) -> None:
+        self._decisions = decisions
+        self._history = PulseHistory() if decisions is None else decisions.history
         self._condition, self._segment = condition, segment
         self._courses = {name_of(pulse): PulseWaveform(pulse) for pulse in pulses}
         self._course = next(iter(self._courses.values()))
@@ -63,6 +67,41 @@ class PulseRunner:
         self._counted = not self._paused
         if self._counted:
             self._missed(self._scheduler.stride(), "timing point passed")
+
+    def decide(self, stride: int) -> None:
+        """Ask for a decision when it is time for one, and put it into effect at its stride."""
+        decisions = self._decisions
+        if decisions is None:
+            return
+        if decisions.is_due:
+            question = {"condition": self._condition, "segment": self._segment,
+                        "slot": self._slot, "stride": stride}  # fmt: skip
+            self._journal.write("decision_asked", **decisions.ask(question))
+        answer = decisions.answered(stride)
+        if answer is not None:
+            self._put_into_effect(decisions, *answer, stride=stride)
+
+    def _put_into_effect(
+        self, decisions: Decisions, question: Event, decision: Decision, *, stride: int
+    ) -> None:
+        before = after = list(self._scheduler.queue)
+        if decision.stop:
+            after = []
+        elif decision.shares:
+            after = decisions.steered(decision, before)
+        self._journal.write(
+            "decided",
+            condition=self._condition,
+            segment=self._segment,
+            slot=self._slot,
+            stride=stride,
+            number=question["number"],
+            stop=decision.stop,
+            shares=dict(decision.shares),
+            pulses=[] if decision.stop else written_pulses(before, after),
+            **decision.about,
+        )
+        self._scheduler.replace(after)
 
     def retract_stride(self) -> None:
         """Take back the last accepted stride, whose heel strike was spurious."""
@@ -114,6 +153,7 @@ class PulseRunner:
         if self._cuts[pulse.variant] < _MOST_CUT:
             self._scheduler.requeue(pulse)
             return
+        self._history.withdrawn.add(pulse.variant)
         for withdrawn in (pulse, *self._scheduler.withdraw(pulse.variant)):
             self._write("pulse_withdrawn", withdrawn, reason=f"cut {_MOST_CUT} times in a row")
 
@@ -121,6 +161,7 @@ class PulseRunner:
         self.active, self.aborted = pulse, False
         self._course = self._courses[pulse.shape]
         self._onset_ns, self._onset_slot = slot_ns, self._slot
+        self._history.begun.add(pulse.number)
         self._write("pulse_started", pulse)
 
     def _value(self, slot_ns: int) -> float:
@@ -137,6 +178,7 @@ class PulseRunner:
         if not self.aborted:
             self._broken_off = self._cuts[pulse.variant] = 0
             self.completed += 1
+            self._history.done[pulse.variant] += not pulse.sham
             self._write("pulse_completed", pulse, onset_slot=self._onset_slot)
             return
         self._broken_off += 1

@@ -70,9 +70,13 @@ class Scheduler:
     def withdraw(self, variant: tuple[str, str, float]) -> list[PlannedPulse]:
         """Take all pulses of a timing point, shape and amplitude out of the queue."""
         withdrawn = [pulse for pulse in self.queue if pulse.variant == variant]
-        self.queue = deque(pulse for pulse in self.queue if pulse.variant != variant)
-        self._due = self._due and bool(self.queue) and self._since >= self.queue[0].gap_strides
+        self.replace(pulse for pulse in self.queue if pulse.variant != variant)
         return withdrawn
+
+    def replace(self, pulses: Iterable[PlannedPulse]) -> None:
+        """Take other pulses into the queue; none becomes due by it."""
+        self.queue = deque(pulses)
+        self._due = self._due and bool(self.queue) and self._since >= self.queue[0].gap_strides
 
     def requeue(self, pulse: PlannedPulse) -> None:
         """Append a pulse that was broken off to the queue."""

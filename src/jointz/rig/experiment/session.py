@@ -14,7 +14,7 @@ stretch with the pulses that the journal does not count as done.
 
 import time
 import zlib
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -29,20 +29,28 @@ from jointz.core.errors import DeviceError, SafetyStop, WriteError
 from jointz.core.protocols.device_limits import limits_on_device
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.protocols.protocol_models import ConditionSpec
+from jointz.core.protocols.pulse_models import variants_of
 from jointz.core.provenance import software
 from jointz.core.stop_signals import signals_held
 from jointz.rig.devices.interface import Device, Devices, Rig
 from jointz.rig.experiment.console_link import ConsoleLink
 from jointz.rig.experiment.control_box import ControlBox
+from jointz.rig.experiment.decisions import (
+    Advisor,
+    DecisionSettings,
+    PulseHistory,
+    is_stop,
+    pulses_needed,
+)
 from jointz.rig.experiment.driver_errors import drivers_answer_for
 from jointz.rig.experiment.files.journal import (
     Event,
     Journal,
+    events_of,
     is_completed,
     last_controller,
     pulses_begun,
     pulses_done,
-    pulses_withdrawn,
     read_journal,
     segments_begun,
     write_salvaged,
@@ -106,8 +114,10 @@ class Session:
         progress: Progress,
         real_time: bool,
         attended: bool = False,
+        advisor: Advisor | None = None,
     ) -> None:
         self._plan = plan
+        self._advisor = advisor
         self._kind = trial_kind(plan.protocol)
         self._rig = rig
         self._clocks = clocks
@@ -203,9 +213,9 @@ class Session:
             drivers |= devices.named()
             for device in devices.all():
                 stack.push(partial(_close, device))
-            withdrawn = pulses_withdrawn(events, name)
-            planned = self._kind.read_plan(self._plan.folder).get(name, ())
-            pulses = tuple(pulse for pulse in planned if pulse.number not in withdrawn)
+            planned = self._kind.read_plan(self._plan.folder, events).get(name, ())
+            needed = pulses_needed(planned, events, name)
+            pulses = tuple(pulse for pulse in planned if pulse.number in needed)
             shams = {pulse.number for pulse in pulses if pulse.amplitude_nm == 0.0}
             felt = sum(number not in shams for number in pulses_begun(events, name))
             gate = self._gate(devices, pulses_before=felt)
@@ -237,11 +247,30 @@ class Session:
                 angle_zero_rad=None if zero is None else zero.value,
                 angle_gain=1.0 if gain is None else gain.value,
                 controlled_by=last_controller(events, name),
+                decisions=self._decisions(name, planned, events),
             )
             trial = self._kind.trial(setup, partial(self._progress, name))
             self._run_trial(trial, setup, note)
             # How long the log is then: one that is found shorter has lost something.
             note("condition_completed", log_bytes=recorder.size_bytes)
+
+    def _decisions(
+        self, name: str, planned: Sequence[Any], events: list[Event]
+    ) -> DecisionSettings | None:
+        """Return how a trial decides on its pulses; None where they come as planned."""
+        protocol, wearer = self._plan.protocol, self._rig.wearer.id
+        if self._advisor is None or protocol.live is None or not protocol.live.decides:
+            return None
+        return DecisionSettings(
+            protocol.live,
+            self._advisor,
+            waits=not self._real_time,
+            rng=lambda number: self._plan.stream(wearer, f"decision {number} of {name}"),
+            history=PulseHistory.of_journal(planned, events, name),
+            variants=variants_of(protocol.shapes),
+            asked=len(events_of(events, "decision_asked", name)),
+            stopped=any(is_stop(event, name) for event in events),
+        )
 
     def _note(self, journal: Journal, event: str, **details: Any) -> None:
         """Write an event down, with the time of day where the time is a real one."""

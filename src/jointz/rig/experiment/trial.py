@@ -290,6 +290,7 @@ class Trial:
                 return True
             return strides < self._strides
         pulses.stride()
+        pulses.decide(strides)
         self._progress(strides, pulses.completed)
         if not pulses.done:
             self._last_needed = strides + COOL_DOWN_STRIDES

@@ -27,7 +27,12 @@ from jointz.rig.experiment.controllers import (
     ControlState,
     make_controller,
 )
-from jointz.rig.experiment.files.journal import Journal
+from jointz.rig.experiment.decisions import (
+    Decisions,
+    DecisionSettings,
+    as_decided,
+)
+from jointz.rig.experiment.files.journal import Event, Journal
 from jointz.rig.experiment.files.recorder import Recorder
 from jointz.rig.experiment.files.session_files import PLAN_FILE
 from jointz.rig.experiment.files.whole_files import read_twice
@@ -90,6 +95,7 @@ class TrialSetup:
     angle_zero_rad: float | None = None  # what the goniometer shows at the joint's zero, if known
     angle_gain: float = 1.0  # measured over true angle
     controlled_by: Any = None  # description of the controller of an earlier stretch
+    decisions: DecisionSettings | None = None  # None: the pulses come as planned
 
     @property
     def contact_levels(self) -> tuple[float, float]:
@@ -124,6 +130,9 @@ def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
             journal=setup.journal,
             period_ns=setup.period_ns,
             inertia=protocol.expected_joint.inertia if protocol.expected_joint else None,
+            decisions=None
+            if setup.decisions is None
+            else Decisions(setup.decisions, condition.perturbations.timing_points or {}),
         )
     return Trial(
         TrialSettings(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
@@ -213,10 +222,13 @@ class TrialKind:
     # whether an interrupted trial continues in a new stretch; otherwise it is repeated as a whole
     resumes: bool
 
-    def read_plan(self, folder: Path) -> dict[str, tuple[Any, ...]]:
-        """Return the plan that a session wrote down, trial by trial."""
+    def read_plan(self, folder: Path, events: Sequence[Event]) -> dict[str, tuple[Any, ...]]:
+        """Return the plan that a session wrote down, trial by trial, with what was decided."""
         plan = read_twice(folder / PLAN_FILE)[0]
-        return {name: tuple(self.pulse(**one) for one in pulses) for name, pulses in plan.items()}
+        return {
+            name: as_decided(tuple(self.pulse(**one) for one in pulses), events, name)
+            for name, pulses in plan.items()
+        }
 
 
 def _walking_layout(devices: Devices) -> Layout:

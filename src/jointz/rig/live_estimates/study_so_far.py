@@ -7,7 +7,7 @@ from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.provenance import now
 from jointz.core.study import TorqueModelSpec
 from jointz.rig.devices.interface import Rig
-from jointz.rig.experiment.files.journal import read_journal
+from jointz.rig.experiment.files.journal import Event, read_journal, segments_begun
 from jointz.rig.experiment.files.session_files import JOURNAL_FILE, has_content, log_path
 from jointz.rig.session.recordings_report import open_recordings, write_condition
 from jointz.rig.session.run_claim import STUDY_FILE
@@ -15,13 +15,23 @@ from jointz.rig.session.run_settings import RunSettings
 from jointz.rig.session.study_file import exclusions_csv, study_toml
 
 
-def write_study_so_far(settings: RunSettings, rig: Rig, out: Path) -> None:
-    """Write recordings, pulses and ``study.toml`` of what a participant's logs hold by now."""
+def write_study_so_far(
+    settings: RunSettings, rig: Rig, out: Path, *, question: Event | None = None
+) -> None:
+    """Write recordings, pulses and ``study.toml`` of what a participant's logs hold.
+
+    By now, or when the question of a decision was asked.
+    """
     folder, person = settings.session_folder(rig.wearer.id), rig.wearer.id
     events = read_journal(folder / JOURNAL_FILE)
-    begun = tuple(c for c in settings.protocol.conditions if _has_log(folder, c))
-    protocol = settings.protocol.model_copy(update={"conditions": begun})
-    session = open_recordings(folder, protocol, events, salvage=True)
+    until: dict[str, int] = {}
+    if question is not None:
+        events = events[: _place(events, question)]
+        file = log_path(folder, question["condition"], question["segment"])
+        until[file.name] = question["slot"]
+    begun = tuple(c for c in settings.protocol.conditions if _has_log(folder, c, events))
+    protocol = settings.protocol.model_copy(update={"conditions": begun, "live": None})
+    session = open_recordings(folder, protocol, events, salvage=True, until=until)
     devices: dict[str, Any] = {}
     aborted: list[dict[str, Any]] = []
     out.mkdir()
@@ -45,5 +55,19 @@ def write_study_so_far(settings: RunSettings, rig: Rig, out: Path) -> None:
     (out / STUDY_FILE).write_text(text, encoding="utf-8")
 
 
-def _has_log(folder: Path, condition: ConditionSpec) -> bool:
-    return any(has_content(log_path(folder, name, 0)) for name in condition.trial_names)
+def _place(events: list[Event], question: Event) -> int:
+    """Return how many events stood in the journal before a question."""
+    places = (
+        place
+        for place, event in enumerate(events)
+        if event["event"] == "decision_asked"
+        and (event["condition"], event["number"]) == (question["condition"], question["number"])
+    )
+    return next(places, len(events))  # not written yet: it is asked first
+
+
+def _has_log(folder: Path, condition: ConditionSpec, events: list[Event]) -> bool:
+    return any(
+        segments_begun(events, name) and has_content(log_path(folder, name, 0))
+        for name in condition.trial_names
+    )

@@ -109,11 +109,13 @@ def run(
         bool, typer.Option("--attended", help="A page starts, pauses and stops it: jointz console.")
     ] = False,
     live: Annotated[
-        bool,
+        bool | None,
         typer.Option(
-            "--live", help="Estimate beside the session after new pulses, for the operator's page."
+            "--live/--no-live",
+            help="Estimate beside the session after new pulses, for the operator's page (default: "
+            "where the protocol has [live]).",
         ),
-    ] = False,
+    ] = None,
     calibration: CalibrationOption = None,
     printing: Printing = Printing(),
 ) -> None:
@@ -139,7 +141,7 @@ def run(
             sensors=sensors.replace(" ", "").split(",") if sensors else None,
             clock=clock,
             participants=participants,
-            workers=workers or (1 if real or attended or live else os.cpu_count() or 1),
+            workers=workers or (1 if real or attended else os.cpu_count() or 1),
             scheduler=scheduler,
             resume=resume,
             salvage=salvage,
@@ -201,8 +203,8 @@ def _print(made: "StudyRun") -> None:
     for line in made.report.summary().splitlines()[:2]:
         if line not in made.report.salvaged:
             emit(line)
-    if made.report.withdrawn_text:
-        emit(made.report.withdrawn_text)
+    if made.report.changes_text:
+        emit(made.report.changes_text)
     for text in made.report.salvaged:
         emit(f"salvaged: {text}")
     emit(f"Study: {made.study / 'study.toml'}")

@@ -13,6 +13,7 @@ from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.errors import DataError
 from jointz.core.stop_signals import STOP_SIGNALS, acknowledge_stop
 from jointz.rig.devices.interface import Rig
+from jointz.rig.experiment.decisions import Advisor
 from jointz.rig.experiment.files.journal import read_journal, salvaged_texts
 from jointz.rig.experiment.files.session_files import JOURNAL_FILE
 from jointz.rig.experiment.files.whole_files import read_object, write_whole
@@ -25,7 +26,12 @@ REPORT_FILE = "report.json"
 
 
 def run_participant(
-    rig: Rig, settings: RunSettings, *, operator: Operator, progress: Progress
+    rig: Rig,
+    settings: RunSettings,
+    *,
+    operator: Operator,
+    progress: Progress,
+    advisor: Advisor | None = None,
 ) -> dict[str, Any]:
     """Run what is left of a participant's session and write the recordings."""
     check_id(rig.wearer.id)
@@ -41,6 +47,7 @@ def run_participant(
         progress=progress,
         real_time=settings.clock == "real",
         attended=settings.attended,
+        advisor=advisor,
     )
     with _stopped_by_signals(session):
         write_down_losses(folder, settings.protocol, salvage=settings.salvage)

@@ -1,6 +1,6 @@
 """Writes the recordings of a participant or a load, and reports what was done."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,12 @@ from jointz.core.protocols.pulse_models import name_of
 from jointz.core.study import PerturbationsSpec
 from jointz.io.formats.netcdf_recording import write_recording
 from jointz.rig.devices.interface import Rig
-from jointz.rig.experiment.files.journal import Event, read_journal
+from jointz.rig.experiment.files.journal import (
+    Event,
+    events_of,
+    pulses_done,
+    read_journal,
+)
 from jointz.rig.experiment.files.session_files import JOURNAL_FILE
 from jointz.rig.experiment.files.whole_files import write_whole
 from jointz.rig.experiment.timing import timing_report
@@ -30,12 +35,20 @@ from jointz.rig.session.study_file import pulses_csv
 
 
 def open_recordings(
-    folder: Path, protocol: Protocol, events: Sequence[Event], *, salvage: bool
+    folder: Path,
+    protocol: Protocol,
+    events: Sequence[Event],
+    *,
+    salvage: bool,
+    until: Mapping[str, int] | None = None,
 ) -> SessionRecordings:
-    """Return the recordings of a session, of the kind of its protocol."""
+    """Return the recordings of a session, of the kind of its protocol.
+
+    ``until``: file of a log -> last slot that is read of it.
+    """
     kind = WalkingRecordings if protocol.by_gait else BenchRecordings
-    plans = kind.KIND.read_plan(folder)
-    return kind(folder, folder.name, protocol, events, plans, salvage=salvage)
+    plans = kind.KIND.read_plan(folder, events)
+    return kind(folder, folder.name, protocol, events, plans, salvage, until or {})
 
 
 def write_recordings(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]:
@@ -44,6 +57,7 @@ def write_recordings(rig: Rig, settings: RunSettings, folder: Path) -> dict[str,
     session = open_recordings(folder, protocol, events, salvage=settings.salvage)
     levels_v = rig.calibration.contact_levels_v
     report: dict[str, Any] = {"onsets": [], "gaps": [], "timing": [], "aborted": [], "truth": {}}
+    report["decisions"] = []
     report["torque_model"] = None
     for condition in protocol.conditions:
         record = session.record(condition)
@@ -54,6 +68,7 @@ def write_recordings(rig: Rig, settings: RunSettings, folder: Path) -> dict[str,
         report["timing"] += _timing_rows(wearer, protocol, condition, record)
         report["onsets"] += session.onset_rows(condition, record, levels_v)
         report["gaps"] += session.gap_rows(condition, record)
+        report["decisions"] += _decision_rows(wearer, condition, session)
         report["aborted"] += session.aborted_rows(condition, record)
         if hasattr(rig, "truth"):
             report["truth"][condition.name] = rig.truth(
@@ -77,6 +92,26 @@ def write_condition(
     write_recording(record.recording, study / recording_name(person, condition.name))
     if has_pulse_table(session.protocol, condition):
         write_whole(study / pulses_name(person, condition.name), pulses_csv(record.pulses))
+
+
+def _decision_rows(
+    wearer: str, condition: ConditionSpec, session: SessionRecordings
+) -> list[dict[str, Any]]:
+    """Return what live estimates decided, a row for a condition with decisions."""
+    decided = events_of(session.events, "decided", condition.name)
+    if not decided:
+        return []
+    return [
+        {
+            "participant": wearer,
+            "condition": condition.name,
+            "decisions": len(decided),
+            "steered": sum(bool(event["pulses"]) for event in decided),
+            "stopped": any(event["stop"] for event in decided),
+            "planned": len(session.plans[condition.name]),
+            "completed": len(pulses_done(session.events, condition.name)),
+        }
+    ]
 
 
 def _timing_rows(

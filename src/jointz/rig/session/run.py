@@ -73,7 +73,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     resume: bool = False,
     salvage: bool = False,
     attended: bool = False,
-    live: bool = False,
+    live: bool | None = None,
     calibration: str | os.PathLike[str] | None = None,
     operator: Operator | None = None,
     progress: RunProgress | bool | None = True,
@@ -118,7 +118,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         Whether an operator's page starts, pauses and stops (``jointz console``).
     live : bool
         Whether a process beside the session estimates after new pulses, and writes the newest
-        half-widths to ``live.json`` of the session's folder; one participant at a time.
+        half-widths to ``live.json`` of the session's folder; by default where the protocol has
+        ``[live]``, which says what an estimate may do. In real time one participant at a time.
     calibration : path, optional
         A file that ``jointz calibrate`` wrote: its entries stand over the rig's own in the study.
     operator : Operator, optional
@@ -155,10 +156,11 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
             f"expected 1 to {_MOST_PARTICIPANTS} participants and at least one worker, got "
             f"{count}, {workers}."
         )
-    if live and (spec.kind != "walking" or workers > 1 or scheduler is not None):
+    live = spec.live is not None if live is None else live
+    if live and (spec.kind != "walking" or (workers > 1 and clock == "real") or scheduler):
         raise DataError(
-            "live: estimates during walking, one participant at a time. Leave it out, or workers "
-            "and scheduler."
+            "live: estimates during walking, in real time one participant at a time, and not on a "
+            "cluster. Leave it out (--no-live), or workers and scheduler."
         )
     if clock not in (None, "fast", "real"):
         raise DataError(f"clock: expected fast or real, got {clock!r}.")
@@ -267,6 +269,7 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
         gaps=tuple(row for r in reports for row in r["gaps"]),
         timing=tuple(row for r in reports for row in r["timing"]),
         salvaged=tuple(text for r in reports for text in r.get("salvaged", ())),
+        decisions=tuple(row for r in reports for row in r.get("decisions", ())),
     )
     write_whole(study / REPORT_FILE, json.dumps(report.to_dict(), indent=1))
     truth = {p.id: r["truth"] for p, r in zip(people, reports, strict=True) if r["truth"]}
@@ -463,8 +466,10 @@ def _run_here(
 ) -> dict[str, Any]:
     opened = open_rig(rig, number)
     progress = partial(report, opened.wearer.id)
-    with live_estimates(settings, rig, number):
-        return run_participant(opened, settings, operator=operator, progress=progress)
+    with live_estimates(settings, rig, number) as advisor:
+        return run_participant(
+            opened, settings, operator=operator, progress=progress, advisor=advisor
+        )
 
 
 def _no_progress(*_: object) -> None:

@@ -10,13 +10,13 @@ from jointz.core.errors import DataError
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.io.log_reader import SessionLog, read_log
+from jointz.rig.experiment.decisions import pulses_needed
 from jointz.rig.experiment.files.journal import (
     Event,
     Journal,
     events_of,
     is_completed,
     pulses_done,
-    pulses_withdrawn,
     read_journal,
     salvage_journal,
     segments_begun,
@@ -118,9 +118,8 @@ def _shown(
         ticks = ticks_of(log.records)
         at_end = ticks["stride"][np.searchsorted(ticks["slot"], pulse.end_slot)]
         needed_strides = int(at_end) + COOL_DOWN_STRIDES
-    planned = WALKING_TRIALS.read_plan(folder).get(name, ())
-    needed = {pulse.number for pulse in planned} - pulses_withdrawn(events, name)
-    if done >= needed and log.records["stride"][-1] >= needed_strides:
+    planned = WALKING_TRIALS.read_plan(folder, events).get(name, ())
+    if done >= pulses_needed(planned, events, name) and log.records["stride"][-1] >= needed_strides:
         yield {"event": "condition_completed", **about, "log_bytes": log.whole_bytes}
 
 

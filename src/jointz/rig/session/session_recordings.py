@@ -6,7 +6,7 @@
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -104,11 +104,13 @@ class SessionRecordings(ABC):
     events: Sequence[Event]  # events of the journal
     plans: Mapping[str, Sequence[Any]]  # pulses of every trial
     salvage: bool = False  # whether damaged records are left out instead of refused
+    # file of a log -> last slot that is read of it
+    until: Mapping[str, int] = field(default_factory=dict)
 
     def record(self, condition: ConditionSpec) -> ConditionRecord:
         """Join the logs of a condition, one after the other."""
         paths = self._paths(condition)
-        logs = [read_log(path, salvage=self.salvage) for path in paths]
+        logs = [self._log(path) for path in paths]
         of_logs = [LogStreams(log.records) for log in logs]
         master = _CLOCKS["actuator" if condition.worn else "angle"]
         pieces: list[_Piece] = []
@@ -132,6 +134,12 @@ class SessionRecordings(ABC):
         recording = self._build(condition, pieces, paths, notes, damage_s)
         pulses = self._pulses(condition, recording, pieces, master)
         return ConditionRecord(recording, pulses, tuple(stretches), tuple(logs))
+
+    def _log(self, path: Path) -> SessionLog:
+        log = read_log(path, salvage=self.salvage)
+        if path.name not in self.until:
+            return log
+        return replace(log, records=log.records[log.records["slot"] <= self.until[path.name]])
 
     def _paths(self, condition: ConditionSpec) -> list[Path]:
         """Return the logs that count: all stretches, or the last of each trial."""

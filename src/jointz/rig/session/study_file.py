@@ -69,8 +69,8 @@ def study_toml(
     elif points:
         lines += ["", "[perturbations]", f"timing_points = {written_table(points)}"]
         lines += [] if protocol.window_s is None else [f"window_s = {protocol.window_s:g}"]
-    if protocol.planned_half_width_pct:
-        planned = protocol.planned_half_width_pct.items()
+    if wishes := protocol.wishes:
+        planned = wishes.items()
         lines += ["", "[planned_half_width_pct]"]
         lines += [f"{name} = {written_table(by_point)}" for name, by_point in planned]
     for person in people:

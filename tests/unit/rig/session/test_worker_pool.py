@@ -37,7 +37,8 @@ def run(rigs, monkeypatch):
     def started(failing, *, rig=None, attended=False, operator=None):
         begun = []
 
-        def run_participant(one, settings, *, operator, progress):
+        def run_participant(one, settings, *, operator, progress, advisor):
+            assert advisor is None
             begun.append(one.wearer.id)
             progress("perturbed", 1, 2, 3)
             if one.wearer.id in failing:

@@ -467,6 +467,14 @@ const jointzConsole = (() => {
     });
   }
 
+  // What a live estimate decided about the pulses to come.
+  function decision(event) {
+    if (event.problem) return event.problem;
+    if (event.stop) return "every wanted half-width is reached: no more pulses";
+    const most = Object.entries(event.shares).sort((a, b) => b[1] - a[1]).slice(0, 2);
+    return most.length ? `most of the next pulses to ${most.map(([point]) => point).join(", ")}` : "go on as planned";
+  }
+
   function told() {
     fill("jz-told", status.told, () => (status.told || []).slice(-30).reverse().map((event) => {
       const line = make("div", `jz-event ${event.event}`);
@@ -474,6 +482,7 @@ const jointzConsole = (() => {
       const words = event.event === "note" ? `“${event.text}”` : event.event.replaceAll("_", " ");
       const more = event.event === "prompted" ? event.condition
         : event.event.startsWith("parameter_") ? `${event.name}: ${plain(event.before)} \u2192 ${plain(event.after)}`
+        : event.event === "decided" ? decision(event)
         : event.reason || (event.pulse ? `pulse ${event.pulse}` : event.order || "");
       line.append(make("time", "", at), make("b", "", words), make("span", "", more));
       return line;

@@ -35,6 +35,7 @@ _TOLD = frozenset(_STATES) | {
     "pulse_withdrawn",
     "pulse_lost",
     "records_lost",
+    "decided",
 }
 _MOST_TOLD = 100
 #: Written only after every device was stopped.
@@ -75,6 +76,23 @@ class TrialProgress:
             self.missed += kind == "pulse_missed"
             self.aborted += kind == "pulse_aborted"
             self.queue.append(number)
+
+    def decide(self, event: Event) -> None:
+        """Follow a decision: pulses go to other timing points, or end."""
+        changes = {
+            number: {"timing_point": point, "shape": shape, "amplitude_nm": amplitude_nm}
+            for number, point, shape, amplitude_nm in event["pulses"]
+        }
+        at = {pulse["timing_point"]: pulse["gait_pct"] for pulse in self.planned}
+        self.planned = [
+            {**pulse, **change, "gait_pct": at[change["timing_point"]]}
+            if (change := changes.get(pulse["number"]))
+            else pulse
+            for pulse in self.planned
+        ]
+        if event["stop"]:
+            self.withdrawn |= set(self.queue)
+            self.queue.clear()
 
     def points(self) -> list[dict[str, Any]]:
         """Return how many pulses of every timing point are done, of how many."""
@@ -121,6 +139,8 @@ class SessionProgress:
         elif kind.startswith("pulse_"):
             trial.take(kind, event["pulse"])
             trial.completed = trial.completed and kind != "pulse_lost"
+        elif kind == "decided":
+            trial.decide(event)
         else:
             self._follow_controller(kind, event)
         if kind in _DEVICES_STOPPED:
