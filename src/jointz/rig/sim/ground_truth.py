@@ -264,8 +264,8 @@ def _gravity_stiffness(build: PlantBuild, phase: np.ndarray) -> np.ndarray:
     if build.preset.body is None:
         return np.zeros(phase.size)
     thigh = impedance_over_cycle(build.person, build.preset, phase)[3]
-    gravity = build.params[Param.LIMB_GRAVITY] + build.params[Param.EXO_GRAVITY]
-    gravity -= build.load.gravity_nm if build.load else 0.0  # not the limb's own
+    limb = leg_of(build.person, build.preset.body).gravity_nm
+    gravity = limb + build.params[Param.EXO_GRAVITY]
     return np.asarray(gravity * np.cos(knee_angle(phase) - thigh))
 
 
