@@ -71,7 +71,7 @@ def test_the_example_says_which_condition_has_which_load():
     [
         ([("conditions", 5, "load", "brick")], "conditions.5.load", "expected one of cuff, band"),
         ([("conditions", 3, "load", None)], "conditions.3.load", "expected 'cuff', as in"),
-        ([("conditions", 7, "load", "cuff")], "conditions.7.load", "expected none, as in"),
+        ([("conditions", 1, "load", "cuff")], "conditions.1.load", "expected none, as in"),
         ([("loads", 0, "distance_m", None)], "loads.0.distance_m", "missing; mass_kg and"),
         ([("loads", 0, "inertia", MASS)], "loads.0.inertia", "Remove one of the two"),
         ([("loads", 0, "mass_kg", {"value": -2.0, "sd": 0.0})], "loads.0.mass_kg.value", "0 to 20"),

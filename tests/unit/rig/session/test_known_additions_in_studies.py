@@ -52,16 +52,17 @@ def test_another_load_is_another_run(study):
 
 
 def test_the_study_states_the_addition_of_every_session(study):
-    spec = StudySpec.model_validate(tomllib.loads((study / "study.toml").read_text("utf-8")))
+    spec = jointz.open_study(study).spec
     by_session = {addition.session: addition for addition in spec.additions}
 
-    assert set(by_session) == {"with", "band"}
+    assert set(by_session) == {"with", "with_again", "band"}
+    assert by_session["with_again"].inertia == by_session["with"].inertia
     assert by_session["with"].inertia.value == pytest.approx(2.0 * 0.25**2)
     assert by_session["with"].gravity_nm.value == pytest.approx(2.0 * 9.81 * 0.25)
     assert by_session["with"].stiffness is None
     assert by_session["band"].stiffness.value == 30.0
     assert [r.session for r in spec.recordings] == [
-        "without", "without", "with", "with", "with", "band", "band", "without",
+        "without", "without", "with", "with", "with_again", "band", "band", "without_again",
     ]  # fmt: skip
 
 
