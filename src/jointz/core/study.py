@@ -430,6 +430,25 @@ class PerturbationsSpec(_Model):
         return self
 
 
+class AdditionSpec(_Model):
+    """Known addition to the joint in the recordings of a session: a weight, a spring.
+
+    ``gravity_nm`` is the largest torque of gravity on it (weight times distance from the joint).
+    """
+
+    session: TableName
+    inertia: Calibrated | None = None
+    stiffness: Calibrated | None = None
+    gravity_nm: Calibrated | None = None
+
+    @model_validator(mode="after")
+    def _adds_something(self) -> "AdditionSpec":
+        entries = [x for x in (self.inertia, self.stiffness, self.gravity_nm) if x is not None]
+        if not entries or any(entry.value <= 0.0 for entry in entries):
+            raise ValueError("expected inertia, stiffness or gravity_nm above 0; leave out zeros")
+        return self
+
+
 #: Half-widths that a plan expected: parameter -> timing point -> % of the value.
 PlannedHalfWidths = Mapping[
     Literal["stiffness", "damping", "inertia"], Mapping[str, Annotated[float, Field(gt=0)]]
@@ -460,6 +479,17 @@ class StudySpec(_Model):
     torque_model: TorqueModelSpec | None = None
     device: DeviceSpec | None = None
     planned_half_width_pct: PlannedHalfWidths | None = None
+    additions: tuple[AdditionSpec, ...] = Field(default=(), strict=False)
+
+    @model_validator(mode="after")
+    def _additions_belong_to_sessions(self) -> "StudySpec":
+        names = [addition.session for addition in self.additions]
+        for name in names:
+            if all(recording.session != name for recording in self.recordings):
+                raise ValueError(f"additions: no recording has session {name!r}; correct the name")
+            if names.count(name) > 1:
+                raise ValueError(f"additions: session {name!r} is given twice; state their sum")
+        return self
 
     @model_validator(mode="after")
     def _loads_do_not_walk(self) -> "StudySpec":

@@ -133,10 +133,39 @@ def _bench_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
 def _loads_fit_kind(protocol: ProtocolFields) -> Iterator[Problem]:
     if not protocol.loads:
         return
-    if protocol.by_gait:
-        yield Problem(("loads",), 'only a bench has loads. Remove them, or set kind = "bench".')
+    if protocol.kind == "control":
+        yield Problem(("loads",), "a controller's conditions have no loads. Remove them.")
     elif protocol.kind == "bench" and _is_set(protocol, "participants"):
         yield Problem(("participants",), "the loads stand for participants. Remove it.")
+    named = {condition.load for condition in protocol.conditions}
+    for i, load in enumerate(protocol.loads):
+        if protocol.kind != "walking" and load.mass_kg is not None:
+            message = "belongs to kind = 'walking', where it hangs on the shank. Give inertia."
+            yield Problem(("loads", i, "mass_kg"), message)
+        elif protocol.kind == "walking" and load.name not in named:
+            message = f"no condition has load = '{load.name}'. Remove it, or name it there."
+            yield Problem(("loads",), message)
+        elif protocol.kind == "walking" and (load.locked or load.damping or not load.properties):
+            yield Problem(
+                ("loads", i),
+                "expected what is added in walking: mass_kg and distance_m, inertia or stiffness, "
+                "above 0. Add one of them, and remove damping and locked.",
+            )
+
+
+def _one_load_a_session(protocol: ProtocolFields) -> Iterator[Problem]:
+    first: dict[str, str | None] = {}
+    for i, condition in enumerate(protocol.conditions):
+        if protocol.kind != "walking" or condition.session is None:
+            continue
+        load = first.setdefault(condition.session, condition.load)
+        if load != condition.load:
+            earlier = "none" if load is None else f"'{load}'"
+            yield Problem(
+                ("conditions", i, "load"),
+                f"expected {earlier}, as in the earlier conditions of session "
+                f"'{condition.session}', which share a baseline. Give it another session.",
+            )
 
 
 def _pulse_is_used(protocol: ProtocolFields) -> Iterator[Problem]:
@@ -233,6 +262,7 @@ PROTOCOL_CHECKS = (
     _gait_fits_kind,
     _bench_fits_kind,
     _loads_fit_kind,
+    _one_load_a_session,
     _pulse_is_used,
     _pulse_suits_rate,
     _pulses_given_once,
@@ -459,6 +489,19 @@ def _rates_suffice(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
                 )
 
 
+def _load_is_known(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
+    name, place = protocol.conditions[i].load, ("conditions", i, "load")
+    names = [load.name for load in protocol.loads]
+    if name is None:
+        return
+    if protocol.kind != "walking":
+        message = f"belongs to kind = 'walking', and this is {protocol.kind!r}. Remove it."
+        yield Problem(place, message)
+    elif name not in names:
+        known = f"one of {', '.join(names)}" if names else "a name in [[loads]], which is missing"
+        yield Problem(place, f"expected {known}; got '{name}'. Add it to [[loads]].")
+
+
 def _controller_fits_kind(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, place = protocol.conditions[i], ("conditions", i)
     if protocol.kind != "control":
@@ -491,5 +534,6 @@ CONDITION_CHECKS = (
     _points_have_a_cycle,
     _pulses_fit_duration,
     _rates_suffice,
+    _load_is_known,
     _controller_fits_kind,
 )

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping
 from functools import partial
-from math import isclose
+from math import hypot, isclose
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
@@ -49,7 +49,9 @@ ASSUMED_STRIDE_S = 1.1
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _LONGEST_NAME = 64
 #: Of a load that can be told from a locked output, and of any joint, SI units.
-_LARGEST = {"stiffness": 1e5, "damping": 1e3, "inertia": 1e3}
+_LARGEST = {"stiffness": 1e5, "damping": 1e3, "inertia": 1e3, "mass_kg": 20.0, "distance_m": 1.0}
+_GRAVITY = 9.81  # m/s^2
+_ZERO = Calibrated(value=0.0, sd=0.0)
 
 
 def _name_problems(name: str, *key: str, why: str = "names files") -> Iterator[Problem]:
@@ -234,6 +236,7 @@ class ConditionSpec(CheckedModel):
     velocity_rad_s: Reference | None = None
     perturbations: PerturbationPlan | None = None
     controller: ControllerSpec | None = None
+    load: Name | None = None
 
     def checks(self) -> tuple[Check, ...]:
         """Return the checks of the condition."""
@@ -331,7 +334,8 @@ class LoadSpec(CheckedModel):
     """A known load of a bench, with standard deviations; what it leaves out is zero.
 
     A load without any is a free output; ``locked`` holds the output instead. In a
-    calibration it is on the joint in the condition of the same name.
+    calibration it is on the joint in the condition of the same name, in walking in those that name
+    it: a weight on the shank, ``distance_m`` from the joint, or a spring across the joint.
     """
 
     name: Name
@@ -339,10 +343,43 @@ class LoadSpec(CheckedModel):
     damping: Calibrated | None = None
     inertia: Calibrated | None = None
     locked: bool = False
+    mass_kg: Calibrated | None = None
+    distance_m: Calibrated | None = None
 
     def checks(self) -> tuple[Check, ...]:
         """Return the checks of the load."""
-        return (partial(checked_name, self), self._positive, self._nothing_moves_when_locked)
+        whole = self._nothing_moves_when_locked, self._weight_is_whole
+        return (partial(checked_name, self), self._positive, *whole)
+
+    @property
+    def added_inertia(self) -> Calibrated:
+        """Inertia about the joint: the stated one, or m d^2 of a weight, kg*m^2."""
+        return self.inertia or self._of_weight(2)
+
+    @property
+    def gravity_nm(self) -> Calibrated:
+        """Largest torque of gravity, m g d of a weight, N*m; 0 for a stated inertia."""
+        return self._of_weight(1, times=_GRAVITY)
+
+    @property
+    def properties(self) -> dict[str, Calibrated]:
+        """What it adds to a joint and is not zero, by the keys of a study's ``additions``."""
+        inertia, stiffness = self.added_inertia, self.stiffness or _ZERO
+        entries = {"inertia": inertia, "stiffness": stiffness, "gravity_nm": self.gravity_nm}
+        return {name: entry for name, entry in entries.items() if entry.value != 0.0}
+
+    def _of_weight(self, power: int, times: float = 1.0) -> Calibrated:
+        """Return a multiple of mass * distance^power."""
+        m, d = self.mass_kg or _ZERO, self.distance_m or _ZERO
+        sd = hypot(d.value**power * m.sd, power * m.value * d.value ** (power - 1) * d.sd)
+        return Calibrated(value=times * m.value * d.value**power, sd=times * sd)
+
+    def _weight_is_whole(self) -> Iterator[Problem]:
+        if (self.mass_kg is None) != (self.distance_m is None):
+            key = "mass_kg" if self.mass_kg is None else "distance_m"
+            yield Problem((key,), "missing; mass_kg and distance_m go together.")
+        if self.mass_kg is not None and self.inertia is not None:
+            yield Problem(("inertia",), "mass_kg and distance_m give it. Remove one of the two.")
 
     def _nothing_moves_when_locked(self) -> Iterator[Problem]:
         for key in ("damping", "inertia"):
@@ -350,13 +387,13 @@ class LoadSpec(CheckedModel):
                 yield Problem((key,), "a locked output does not move. Remove one of the two.")
 
     def _positive(self) -> Iterator[Problem]:
-        for key in ("stiffness", "damping", "inertia"):
+        for key in _LARGEST:
             entry: Calibrated | None = getattr(self, key)
             if entry is not None and not 0 <= entry.value <= _LARGEST[key]:
+                stiffer = " What gives way less is locked = true." if key == "stiffness" else ""
                 yield Problem(
                     (key, "value"),
-                    f"expected 0 to {_LARGEST[key]:g} in SI units, got {entry.value:g}. What gives "
-                    "way less is locked = true.",
+                    f"expected 0 to {_LARGEST[key]:g} in SI units, got {entry.value:g}.{stiffer}",
                 )
 
 
@@ -439,6 +476,12 @@ class ProtocolFields(CheckedModel):
     def by_gait(self) -> bool:
         """True for walking and control: the loop follows the gait cycle of a person."""
         return self.kind in ("walking", "control")
+
+    @property
+    def condition_loads(self) -> dict[str, LoadSpec]:
+        """Condition in walking -> its known addition to the joint."""
+        named = {load.name: load for load in self.loads}
+        return {c.name: named[c.load] for c in self.conditions if c.load is not None}
 
     @property
     def cases_are_loads(self) -> bool:

@@ -75,6 +75,7 @@ def study_toml(
         lines += [f"{name} = {written_table(by_point)}" for name, by_point in planned]
     for person in people:
         lines += ["", "[[participants]]", *participant_lines(person, calibrations[person.id])]
+    lines += _additions(protocol)
     for person in people:
         lines += _recordings(person.id, protocol)
     return "\n".join(lines) + "\n"
@@ -144,6 +145,7 @@ def _recordings(participant: str, protocol: Protocol) -> list[str]:
         entries = {"participant": participant, "condition": condition.condition}
         if (
             condition.session is not None
+            or condition.load is not None
             or of_kind[condition.condition] > 1
             or protocol.kind == "calibration"  # by it the analysis tells what was done
         ):
@@ -152,6 +154,17 @@ def _recordings(participant: str, protocol: Protocol) -> list[str]:
         if has_pulse_table(protocol, condition):
             entries["perturbations"] = pulses_name(participant, condition.name)
         lines += recording_lines(entries)
+    return lines
+
+
+def _additions(protocol: Protocol) -> list[str]:
+    """Return a section for every session with a known addition to the joint."""
+    loads = protocol.condition_loads
+    sessions = {c.session or c.name: loads[c.name] for c in protocol.conditions if c.load}
+    lines = []
+    for session, load in sessions.items():
+        entries = {name: entry.model_dump() for name, entry in load.properties.items()}
+        lines += ["", "[[additions]]", *_table({"session": session, **entries})]
     return lines
 
 

@@ -247,7 +247,7 @@ def walk_directly(
     planned = _planned(plan, rng)
     if planned and not worn:
         raise DataError("walk_directly: no pulse without an exoskeleton. Set worn or no pulses.")
-    build = rig.build(worn=worn)
+    build = rig.build(worn=worn, condition=condition)
     n_strides = (planned[-1][0] if planned else plan.warm_up_strides) + plan.tail_strides
     motion = rig.motion(condition, 0)
     strides = [motion.next() for _ in range(n_strides + 1)]

@@ -12,7 +12,12 @@ from jointz.core.protocols.pulse_models import Pulse, TorquePart
 from jointz.rig.devices.interface import Stretch
 from jointz.rig.sim.sensors.motion_sensors import draw_motion_instruments
 from jointz.rig.sim.walking.gait_motion import GaitMotion, Stride
-from jointz.rig.sim.walking.impedance_curves import chain_terms, impedance_over_cycle, leg_of
+from jointz.rig.sim.walking.impedance_curves import (
+    added_terms,
+    chain_terms,
+    impedance_over_cycle,
+    leg_of,
+)
 from jointz.rig.sim.walking.internal_moment import internal_moment
 from jointz.rig.sim.walking.knee_joint import knee_angle, respond
 from jointz.rig.sim.walking.layout import Param, describe
@@ -43,6 +48,8 @@ _MEANS = (
     "damping_window_mean",
     "damping_secant",
 )
+# What the knee felt of a known addition, where there is one.
+_ADDED = ("added_inertia", "added_stiffness")
 
 
 def condition_truth(
@@ -77,6 +84,7 @@ def condition_truth(
         "instruments": _instruments(build),
         "settings": asdict(build.preset),
         "plant": describe(build.params),
+        **({} if build.load is None else {"load": asdict(build.load)}),
     }
 
 
@@ -115,10 +123,11 @@ def _pulse_truth(
     phase = _phase(strides, onset_s + since)
     K, B, J, _ = impedance_over_cycle(build.person, build.preset, phase)
     torque = _torque(build, since, pulse, course)
-    moved = J + build.params[Param.EXO_INERTIA]
+    more_J, more_B, more_K = added_terms(build.person, build.preset, build.load, phase)
+    moved = J + build.params[Param.EXO_INERTIA] + more_J
     chain = chain_terms(build.person, build.preset, phase)
     gravity = _gravity_stiffness(build, phase)
-    beside, damping = gravity + chain.stiffness, B + chain.inertia_rate
+    beside, damping = gravity + chain.stiffness + more_K, B + chain.inertia_rate + more_B
     small = K  # before softening
     K, x, v = _softened_response(build, torque, small, beside, damping=damping, inertia=moved)
     a = (torque - damping * v - (K + beside) * x) / moved
@@ -127,6 +136,7 @@ def _pulse_truth(
         name: window_weights(motion, *joint, rate_hz=_RATE_HZ)
         for name, motion in (("stiffness", x), ("damping", v), ("inertia", a))
     }
+    felt = float(weights["inertia"] @ more_J), float(weights["stiffness"] @ more_K)
     after_pct = 100.0 * np.mod(phase - phase[0], 1.0)
     centres = {f"{name}_centre_pct": float(w @ after_pct) for name, w in weights.items()}
     return {
@@ -144,6 +154,7 @@ def _pulse_truth(
         "displacement_rad": float(x[-1]),
         **_window_values("stiffness", small, K, x),
         **_window_values("damping", B, B, v),
+        **(dict(zip(_ADDED, felt, strict=True)) if build.load else {}),
     }
 
 
@@ -253,7 +264,8 @@ def _gravity_stiffness(build: PlantBuild, phase: np.ndarray) -> np.ndarray:
     if build.preset.body is None:
         return np.zeros(phase.size)
     thigh = impedance_over_cycle(build.person, build.preset, phase)[3]
-    gravity = build.params[Param.LIMB_GRAVITY] + build.params[Param.EXO_GRAVITY]
+    limb = leg_of(build.person, build.preset.body).gravity_nm
+    gravity = limb + build.params[Param.EXO_GRAVITY]
     return np.asarray(gravity * np.cos(knee_angle(phase) - thigh))
 
 
@@ -262,7 +274,8 @@ def _by_point(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
     return {
         point: {
             name: float(np.mean([row[name] for row in rows if row["timing_point"] == point]))
-            for name in _MEANS
+            for name in (*_MEANS, *_ADDED)
+            if name in rows[0]
         }
         for point in points
     }
@@ -272,6 +285,8 @@ def _curves(build: PlantBuild) -> dict[str, Any]:
     cycles = np.linspace(0.0, 1.0, _CURVE_POINTS)
     K, B, J, _ = impedance_over_cycle(build.person, build.preset, np.mod(cycles, 1.0))
     chain = chain_terms(build.person, build.preset, np.mod(cycles, 1.0))
+    more_J, _, more_K = added_terms(build.person, build.preset, build.load, np.mod(cycles, 1.0))
+    felt = more_J.tolist(), more_K.tolist()
     return {
         "gait_pct": (100.0 * cycles).tolist(),
         "stiffness": K.tolist(),
@@ -282,6 +297,7 @@ def _curves(build: PlantBuild) -> dict[str, Any]:
         "inertia_rate": chain.inertia_rate.tolist(),
         "moment": internal_moment(build.person, cycles).tolist(),
         "timing_points": dict(TIMING_POINTS),
+        **(dict(zip(_ADDED, felt, strict=True)) if build.load else {}),
     }
 
 

@@ -8,6 +8,7 @@ import pandas as pd
 
 from jointz.core.clock import Clock
 from jointz.core.gait_phases import REFERENCE_SPEED_M_S, stride_time_ratio
+from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.core.protocols.pulse_models import Pulse
 from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec
 from jointz.rig.devices.interface import Devices, SensorDescription, Stretch, Wearer
@@ -35,6 +36,7 @@ from jointz.rig.sim.simulated_devices import (
 )
 from jointz.rig.sim.walking.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
 from jointz.rig.sim.walking.injection import Injection
+from jointz.rig.sim.walking.known_addition import draw_addition
 from jointz.rig.sim.walking.plant_build import Grid, PlantBuild, build_plant
 
 #: A lab weighs the frame and measures where its centre is.
@@ -63,6 +65,8 @@ class SimulatedRig:
     sensors : collection of str, optional
         Sensors of the knee's motion: ``goniometer``, and with it ``encoder`` and ``gyroscopes``.
         By default those of the preset; what it lacks has the sensor's default settings.
+    loads : mapping of str to LoadSpec, optional
+        Condition -> its known addition to the knee; the true one is drawn within the stated sd.
 
     Attributes
     ----------
@@ -79,12 +83,16 @@ class SimulatedRig:
         speed_m_s: float = REFERENCE_SPEED_M_S,
         zeroed: bool = True,
         sensors: Collection[str] | None = None,
+        loads: Mapping[str, LoadSpec] | None = None,
     ) -> None:
         self.person = person
         self.preset = with_sensors(personal_preset(person, preset), sensors)
         self.grid = grid or Grid()
         self.speed_m_s = speed_m_s
         self.inject = Injection()
+        self.loads = {
+            name: draw_addition(spec, person, preset) for name, spec in (loads or {}).items()
+        }
         self._angle_zero_rad = 0.0 if zeroed else draw_angle_zero(person, preset)
 
     @property
@@ -127,7 +135,7 @@ class SimulatedRig:
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
         """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition."""
-        build = self.build(worn=worn)
+        build = self.build(worn=worn, condition=condition)
         motion = self.motion(condition, segment)
         running = RunningPlant(build, motion, purpose=condition, segment=segment)
         wiring = Wiring(running, clock, self.inject)
@@ -197,7 +205,7 @@ class SimulatedRig:
             From the onset: over which stiffness, damping and inertia are averaged.
         """
         return condition_truth(
-            self.build(worn=worn),
+            self.build(worn=worn, condition=condition),
             motions=[self.motion(condition, stretch.segment) for stretch in stretches],
             stretches=stretches,
             pulses=pulses,
@@ -220,9 +228,10 @@ class SimulatedRig:
             stumbles=self.inject.stumbles,
         )
 
-    def build(self, *, worn: bool) -> PlantBuild:
-        """Return the constants of the plant."""
-        return build_plant(self.person, self.preset, grid=self.grid, worn=worn)
+    def build(self, *, worn: bool, condition: str = "") -> PlantBuild:
+        """Return the constants of the plant, with the known addition of a condition."""
+        load = self.loads.get(condition)
+        return build_plant(self.person, self.preset, grid=self.grid, worn=worn, load=load)
 
 
 def simulated_rig(
@@ -234,6 +243,7 @@ def simulated_rig(
     speed_m_s: float = REFERENCE_SPEED_M_S,
     not_zeroed: Collection[str] = (),
     sensors: Collection[str] | None = None,
+    loads: Mapping[str, LoadSpec] | None = None,
 ) -> SimulatedRig:
     """Return the rig of one participant of the seeded population.
 
@@ -254,6 +264,8 @@ def simulated_rig(
     sensors : collection of str, optional
         ``goniometer``, and with it ``encoder`` and ``gyroscopes``; by default those of the preset,
         of which ``realistic`` has all and the others the goniometer.
+    loads : mapping of str to LoadSpec, optional
+        Condition -> its known addition to the knee.
 
     Examples
     --------
@@ -268,4 +280,5 @@ def simulated_rig(
         speed_m_s=speed_m_s,
         zeroed=person.id not in not_zeroed,
         sensors=sensors,
+        loads=loads,
     )

@@ -1,7 +1,7 @@
 """Settings of the rig that an experiment is run on, and the rig itself."""
 
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
 from jointz.core.errors import DataError
@@ -37,6 +37,8 @@ class RigSettings:
     sample_rate_hz: float = 500.0  # Hz: sampling rate of all simulated devices
     bench: str | None = None  # name of the bench, for a protocol of a bench; None for walking
     loads: tuple[LoadSpec, ...] = ()  # loads of the bench, or of the calibration's step
+    # known additions to the joint of simulated people that walk, by condition
+    condition_loads: Mapping[str, LoadSpec] = field(default_factory=dict)
     speed_m_s: float = REFERENCE_SPEED_M_S  # m/s: walking speed of simulated people
     # real devices instead of simulated ones; ``device`` and ``preset`` are ``hardware`` then
     hardware: "Hardware | None" = None
@@ -97,6 +99,7 @@ def rig_settings(
         protocol.rates.sample_hz,
         bench=protocol.bench,
         loads=protocol.loads,
+        condition_loads=protocol.condition_loads,
         speed_m_s=protocol.gait.speed_m_s if protocol.gait else REFERENCE_SPEED_M_S,
         step=protocol.calibration,
         sensors=None if sensors is None else checked_sensors(sensors),

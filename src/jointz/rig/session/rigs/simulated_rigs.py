@@ -39,5 +39,6 @@ def open_simulated_rig(settings: RigSettings, number: int) -> Rig:
         sample_rate_hz=rate_hz,
         speed_m_s=settings.speed_m_s,
         sensors=settings.sensors,
+        loads=settings.condition_loads,
         not_zeroed=[one for one in people if known and known.of(one).angle_zero_rad is not None],
     )

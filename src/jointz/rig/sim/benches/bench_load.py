@@ -25,21 +25,20 @@ def draw_load(spec: LoadSpec, *, seed: int, spread: bool) -> BenchLoad:
 
     Two loads that state the same spring have the same spring.
     """
+    parts = {
+        part: draw_value(spec, part, seed=seed, spread=spread)
+        for part in ("stiffness", "damping", "inertia")
+    }
+    return BenchLoad(name=spec.name, **parts, locked=spec.locked)
 
-    def drawn(part: str) -> float:
-        entry: Calibrated | None = getattr(spec, part)
-        if entry is None:
-            return 0.0
-        if not spread:
-            return entry.value
-        key = crc32(f"{part} {entry.value!r} {entry.sd!r}".encode())
-        error = np.random.default_rng([seed, key]).standard_normal()
-        return max(0.0, entry.value + entry.sd * float(error))
 
-    return BenchLoad(
-        name=spec.name,
-        stiffness=drawn("stiffness"),
-        damping=drawn("damping"),
-        inertia=drawn("inertia"),
-        locked=spec.locked,
-    )
+def draw_value(spec: LoadSpec, part: str, *, seed: int, spread: bool) -> float:
+    """Return the true value of a property of a load; 0 where it has none."""
+    entry: Calibrated | None = getattr(spec, part)
+    if entry is None:
+        return 0.0
+    if not spread:
+        return entry.value
+    key = crc32(f"{part} {entry.value!r} {entry.sd!r}".encode())
+    error = np.random.default_rng([seed, key]).standard_normal()
+    return max(0.0, entry.value + entry.sd * float(error))

@@ -147,7 +147,7 @@ class MotionSensors:
         self.channels = tuple(name for name in MOTION_SENSORS if name in instruments)
         params = np.zeros((3, _Param.MOUNT + 12))
         state = np.zeros((3, _State.RING + 2 * _RING))
-        curves = _segment_curves(build.person, build.preset)
+        curves = _segment_curves(build)
         self._rng = build.person.stream(f"motion sensor noise {purpose}", segment)
         for name, instrument in instruments.items():
             row = MOTION_SENSORS.index(name)
@@ -214,11 +214,13 @@ def _mount_step(omega: float, zeta: float, period_s: float) -> np.ndarray:
     return np.hstack([step[:, :2], step[:, 2:] @ to_cubic])
 
 
-def _segment_curves(person: Person, preset: Preset) -> np.ndarray:
+def _segment_curves(build: PlantBuild) -> np.ndarray:
     """Return thigh and share of the thigh as cubics with two derivatives, piece by piece."""
     at = np.arange(CURVE_PIECES + 1) / CURVE_PIECES
     within = np.mod(at, 1.0)
-    curves = impedance_over_cycle(person, preset, within)[3], thigh_share(person, preset, within)
+    person, preset = build.person, build.preset
+    thigh = impedance_over_cycle(person, preset, within)[3]
+    curves = thigh, thigh_share(person, preset, within, build.load)
     splines = [CubicSpline(at, values, bc_type="periodic") for values in curves]
     return np.ascontiguousarray(np.vstack([spline.c[::-1] for spline in splines]).T)
 

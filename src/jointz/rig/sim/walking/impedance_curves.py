@@ -1,7 +1,7 @@
 """Impedance of a person's knee over the gait cycle, and the leg as two links."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi, radians
 
 import numpy as np
@@ -12,9 +12,9 @@ from jointz.rig.sim.people import Person, personal_preset
 from jointz.rig.sim.presets import BodySettings, Preset
 from jointz.rig.sim.walking.internal_moment import internal_moment
 from jointz.rig.sim.walking.knee_joint import impedance_curve, knee_angle
+from jointz.rig.sim.walking.known_addition import GRAVITY, KnownAddition
 from jointz.rig.sim.walking.layout import CURVE_PIECES
 
-_GRAVITY = 9.81  # m/s^2
 _TINY = 1e-4  # of differences, cycles or rad
 
 # Winter, Biomechanics and Motor Control of Human Movement, table 4.1: shares of body mass, of
@@ -80,7 +80,7 @@ class Leg:
     @property
     def gravity_nm(self) -> float:
         """Weight times distance of shank and foot, N*m."""
-        return self.mass_kg * _GRAVITY * self.centre_m
+        return self.mass_kg * GRAVITY * self.centre_m
 
     def free_inertia(self, knee: np.ndarray) -> np.ndarray:
         """Return the inertia that the knee feels when the hip is free, kg*m^2.
@@ -118,9 +118,18 @@ class Leg:
     def free_gravity(self, knee: np.ndarray, thigh: np.ndarray) -> np.ndarray:
         """Return the stiffness by gravity when the thigh follows by its free share, N*m/rad."""
         share = self.free_share(knee)
-        above = _GRAVITY * (self.thigh_moment + self.mass_kg * self.thigh_length_m)
+        above = GRAVITY * (self.thigh_moment + self.mass_kg * self.thigh_length_m)
         below = (1.0 - share) ** 2 * self.gravity_nm * np.cos(knee - thigh)
         return np.asarray(below + share**2 * above * np.cos(thigh))
+
+    def with_load(self, load: KnownAddition | None) -> "Leg":
+        """Return the leg with a known addition fixed to the shank."""
+        if load is None:
+            return self
+        mass = self.mass_kg + load.mass_kg
+        centre = (self.mass_kg * self.centre_m + load.mass_kg * load.distance_m) / mass
+        inertia = self.inertia + load.inertia
+        return replace(self, mass_kg=mass, centre_m=centre, inertia=inertia)
 
     @property
     def _above(self) -> float:
@@ -173,7 +182,7 @@ def _leg_by_sex(person: Person) -> Leg:
 
 def frame_gravity(mass_kg: float, distance_m: float) -> float:
     """Return weight times distance, N*m."""
-    return mass_kg * _GRAVITY * distance_m
+    return mass_kg * GRAVITY * distance_m
 
 
 def impedance_over_cycle(
@@ -226,7 +235,9 @@ class ChainTerms:
     stiffness: np.ndarray  # N*m/rad: by inertia, and by the thigh's part in gravity
 
 
-def chain_terms(person: Person, preset: Preset, cycles: np.ndarray) -> ChainTerms:
+def chain_terms(
+    person: Person, preset: Preset, cycles: np.ndarray, load: KnownAddition | None = None
+) -> ChainTerms:
     r"""Return the terms of the chain at the person's mean stride; zero unless the preset has them.
 
     In stance there is no stiffness: the inertia there is a curve over phase, not one of posture.
@@ -265,12 +276,51 @@ def chain_terms(person: Person, preset: Preset, cycles: np.ndarray) -> ChainTerm
     cycles = np.asarray(cycles, dtype=float)
     if preset.body is None or not preset.body.chain:
         return ChainTerms(np.zeros(cycles.shape), np.zeros(cycles.shape))
-    slope = _slope(lambda c: impedance_over_cycle(person, preset, np.mod(c, 1.0))[2], cycles)
-    leg = leg_of(person, preset.body)
+
+    def inertia(c: np.ndarray) -> np.ndarray:
+        own = impedance_over_cycle(person, preset, np.mod(c, 1.0))[2]
+        return np.asarray(own + added_inertia(person, preset, load, np.mod(c, 1.0)))
+
+    slope = _slope(inertia, cycles)
+    leg = leg_of(person, preset.body).with_load(load)
     gravity = leg.free_gravity(knee_angle(cycles), _thigh_angle(cycles))
     gravity -= leg.gravity_nm * np.cos(knee_angle(cycles) - _thigh_angle(cycles))
     stiffness = _inertial_stiffness(leg, cycles, stride_s=person.stride_time_s) + gravity
     return ChainTerms(slope / person.stride_time_s, _swing(np.mod(cycles, 1.0)) * stiffness)
+
+
+def added_inertia(
+    person: Person, preset: Preset, load: KnownAddition | None, cycles: np.ndarray
+) -> np.ndarray:
+    """Return the inertia that the knee feels of a known addition, kg*m^2.
+
+    In full without a body, whose thigh is held. Else the thigh follows as for the leg itself: in
+    swing two links, in stance a shank that turns about the ankle by less than the knee does.
+    """
+    if load is None or preset.body is None:
+        return np.full(cycles.shape, 0.0 if load is None else load.inertia)
+    leg, knee, swing = leg_of(person, preset.body), knee_angle(cycles), _swing(cycles)
+    free = leg.with_load(load).free_inertia(knee) - leg.free_inertia(knee)
+    about_ankle = load.inertia - load.mass_kg * load.distance_m**2
+    about_ankle += load.mass_kg * (leg.shank_length_m - load.distance_m) ** 2
+    standing = (1.0 - leg.standing_share(knee)) ** 2 * about_ankle
+    return np.asarray(swing * free + (1.0 - swing) * standing)
+
+
+def added_terms(
+    person: Person, preset: Preset, load: KnownAddition | None, cycles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what a known addition gives the knee: inertia, its rate, and stiffness.
+
+    The stiffness is that of spring, gravity and chain, for small deviations; ``cycles`` are 0 to 1.
+    """
+    inertia = added_inertia(person, preset, load, cycles)
+    if load is None:
+        return inertia, inertia, inertia  # zeros
+    own, loaded = (chain_terms(person, preset, cycles, one) for one in (None, load))
+    gravity = load.gravity_nm * np.cos(knee_angle(cycles) - _thigh_angle(cycles))
+    stiffness = load.stiffness + gravity + loaded.stiffness - own.stiffness
+    return inertia, loaded.inertia_rate - own.inertia_rate, stiffness
 
 
 def _inertial_stiffness(leg: Leg, cycles: np.ndarray, *, stride_s: float) -> np.ndarray:
@@ -303,7 +353,9 @@ def _thigh_angle(cycles: np.ndarray) -> np.ndarray:
     return np.asarray(angle)
 
 
-def thigh_share(person: Person, preset: Preset, cycles: np.ndarray) -> np.ndarray:
+def thigh_share(
+    person: Person, preset: Preset, cycles: np.ndarray, load: KnownAddition | None = None
+) -> np.ndarray:
     """Return by how much the thigh turns back when the knee turns, 0 to 1, at phases in cycles.
 
     When the knee's flexion deviates from the path by x, the thigh's flexion deviates by share * x
@@ -312,13 +364,13 @@ def thigh_share(person: Person, preset: Preset, cycles: np.ndarray) -> np.ndarra
     """
     if preset.body is None:
         return np.zeros(np.shape(cycles))
-    leg, knee = leg_of(person, preset.body), knee_angle(np.asarray(cycles))
+    leg, knee = leg_of(person, preset.body).with_load(load), knee_angle(np.asarray(cycles))
     swing = _unloaded(np.asarray(cycles))
     share = swing * leg.free_share(knee) + (1.0 - swing) * leg.standing_share(knee)
     return np.asarray(share)
 
 
-def packed_curves(person: Person, preset: Preset) -> np.ndarray:
+def packed_curves(person: Person, preset: Preset, load: KnownAddition | None = None) -> np.ndarray:
     """Return stiffness, damping, inertia, thigh and moment as cubics, piece by piece of the cycle.
 
     The plateaus of K and B begin and end where pieces do, so that these two are
@@ -328,10 +380,11 @@ def packed_curves(person: Person, preset: Preset) -> np.ndarray:
     # Three inner points of every piece give its cubic, whatever the curve is between pieces.
     inner = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0
     at = (np.arange(CURVE_PIECES)[:, None] + inner) / CURVE_PIECES
-    impedance = impedance_over_cycle(person, preset, at.ravel())
-    values = [*impedance, internal_moment(person, at.ravel())]
+    K, B, J, thigh = impedance_over_cycle(person, preset, at.ravel())
+    J = J + added_inertia(person, preset, load, at.ravel())
+    values = [K, B, J, thigh, internal_moment(person, at.ravel())]
     if preset.body is not None and preset.body.chain:
-        values.append(chain_terms(person, preset, at.ravel()).stiffness)
+        values.append(chain_terms(person, preset, at.ravel(), load).stiffness)
     to_powers = np.linalg.inv(np.vander(inner, increasing=True))
     return np.hstack([v.reshape(at.shape) @ to_powers.T for v in values])
 

@@ -65,6 +65,7 @@ class Param(IntEnum):
     SAMPLE_RATE_HZ = 45
     SUBSTEPS = 46  # in a sample period
     ACTIVE = 47  # states that are integrated, from the first on
+    ADDED_STIFFNESS = 48  # of a known spring across the joint
 
 
 class State(IntEnum):
@@ -138,5 +139,7 @@ GAIT_SIZE = 6 + 4 * HARMONICS
 
 
 def describe(params: np.ndarray) -> dict[str, float]:
-    """Return the constants of a plant by name."""
-    return {place.name.lower(): float(params[place]) for place in Param}
+    """Return the constants of a plant by name; that of a spring only where there is one."""
+    added = params[Param.ADDED_STIFFNESS] > 0.0
+    places = (place for place in Param if added or place is not Param.ADDED_STIFFNESS)
+    return {place.name.lower(): float(params[place]) for place in places}

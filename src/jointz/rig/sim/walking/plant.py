@@ -14,7 +14,8 @@ motor
 
 K, B and J go with phase; :math:`\alpha` is the angle of the shank from the vertical,
 :math:`\Delta g` the change of the limb's gravity torque with x. A body with a chain adds
-:math:`-\dot J\dot x - K_c x` to the right side (``chain_terms``). Runge and Kutta's fourth-order
+:math:`-\dot J\dot x - K_c x` to the right side (``chain_terms``). A known addition is part of J,
+of the limb's gravity and of :math:`K_c`; its spring does not soften. Runge and Kutta's fourth-order
 method with the current and all inputs given exactly at its stages. Between samples the path
 :math:`\theta_0` is the quintic through its values and two derivatives: at 500 Hz it is exact to
 1e-9 rad. Muscles and ligaments give the shank :math:`M_0(phase) - Kx - B\dot x + \tau_v + \tau_r`,
@@ -169,7 +170,8 @@ def _slopes(
     thigh = s[_THIGH]
     theta, theta_rate, theta_bend = s[_THETA], s[_THETA_RATE], s[_THETA_BEND]
     x, v = s[i + State.ANGLE], s[i + State.VELOCITY]
-    joint = _muscle_torque(p, s, i, voluntary) - s[_J_RATE] * v - s[_CHAIN] * x
+    joint = _muscle_torque(p, s, i, voluntary) - s[_J_RATE] * v
+    joint -= (s[_CHAIN] + p[Param.ADDED_STIFFNESS]) * x
     if p[Param.REFLEX_GAIN] > 0.0:
         r, rate, w = s[i + State.REFLEX], s[i + State.REFLEX_RATE], p[Param.REFLEX_RATE]
         s[k + State.REFLEX] = rate

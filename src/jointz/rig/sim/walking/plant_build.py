@@ -9,6 +9,7 @@ from jointz.core.errors import DataError
 from jointz.rig.sim.people import Instruments, Person, draw_instruments, personal_preset
 from jointz.rig.sim.presets import Preset
 from jointz.rig.sim.walking.impedance_curves import frame_gravity, leg_of, packed_curves
+from jointz.rig.sim.walking.known_addition import KnownAddition
 from jointz.rig.sim.walking.layout import COMMANDS, HISTORY, INTEGRATED, Param, State
 
 _LOWEST_PHYSICS_HZ = 5000.0
@@ -66,9 +67,12 @@ class PlantBuild:
     worn: bool  # whether the exoskeleton is worn
     params: np.ndarray  # argument of :func:`jointz.rig.sim.walking.plant.advance`
     curves: np.ndarray  # argument of :func:`jointz.rig.sim.walking.plant.advance`
+    load: KnownAddition | None = None  # known addition to the joint, part of params and curves
 
 
-def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> PlantBuild:
+def build_plant(
+    person: Person, preset: Preset, *, grid: Grid, worn: bool, load: KnownAddition | None = None
+) -> PlantBuild:
     """Return the constants of a plant."""
     preset = personal_preset(person, preset)
     instruments = draw_instruments(person, preset)
@@ -80,6 +84,9 @@ def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> Pl
     _fill_goniometer(params, preset, instruments, grid)
     if preset.body is not None:
         params[Param.LIMB_GRAVITY] = leg_of(person, preset.body).gravity_nm
+    if load is not None:
+        params[Param.LIMB_GRAVITY] += load.gravity_nm
+        params[Param.ADDED_STIFFNESS] = load.stiffness
     if worn:
         _fill_actuator(params, preset, instruments, grid)
         _fill_exoskeleton(params, preset, instruments)
@@ -91,9 +98,8 @@ def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> Pl
             f"simulated rig: a delay is too long for {grid.sample_rate_hz:g} Hz with "
             f"{grid.substeps} substeps. Use fewer substeps or a shorter delay."
         )
-    return PlantBuild(
-        person, preset, instruments, grid, worn, params, packed_curves(person, preset)
-    )
+    curves = packed_curves(person, preset, load)
+    return PlantBuild(person, preset, instruments, grid, worn, params, curves, load)
 
 
 def _fill_joint(params: np.ndarray, preset: Preset, grid: Grid) -> None:
