@@ -85,7 +85,10 @@ def _report(study: Path) -> None:
 
 
 def _true(person: dict[str, Any], point: str, name: str) -> float:
-    return float(person["perturbed"]["timing_points"][point][name])
+    """Return the truth; gravity and the inertia of a moving leg are part of its stiffness."""
+    true = person["perturbed"]["timing_points"][point]
+    beside = ("gravity_stiffness", "inertial_stiffness") if name == "stiffness" else ()
+    return float(true[name] + sum(true[more] for more in beside))
 
 
 def _pulses(journal: Path) -> tuple[int, bool]:

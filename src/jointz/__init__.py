@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from jointz.pooling.pool import pool
     from jointz.rig.calibration.calibrate import calibrate
     from jointz.rig.session.run import run
+    from jointz.verification.verify import verify
 
 __version__ = "0.1.0"
 
@@ -56,6 +57,7 @@ _HOMES = {
     "pool": "jointz.pooling.pool",
     "read": "jointz.io.one_recording",
     "run": "jointz.rig.session.run",
+    "verify": "jointz.verification.verify",
 }
 
 #: Packages that belong to the public face.
@@ -83,6 +85,7 @@ __all__ = [
     "reference",
     "run",
     "stats",
+    "verify",
 ]
 
 

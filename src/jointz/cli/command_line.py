@@ -43,6 +43,10 @@ _COMMANDS = {
         "jointz.comparison.command:compare",
         "Compare conditions, days, groups or methods.",
     ),
+    "verify": (
+        "jointz.verification.command:verify",
+        "Prove a set-up by a known addition to the joint.",
+    ),
     "pool": ("jointz.pooling.command:pool", "Pool results of several studies and conditions."),
     "identify": ("jointz.identification.command:identify", "Fit one model to one record."),
     "convert": ("jointz.conversion.command:convert", "Convert a recording to another format."),

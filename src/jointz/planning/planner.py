@@ -22,6 +22,7 @@ from jointz.planning.plan_result import (
     PlannedPeople,
     PlannedShape,
 )
+from jointz.planning.predicted_additions import addition_notes
 from jointz.planning.predicted_estimates import (
     ENDLESS,
     LegEstimates,
@@ -129,6 +130,9 @@ class Planner:
         self._note_undecidable_values(estimates)
         if spec is None:
             self._note_undetectable_differences(people, participants)
+        if spec is not None and spec.condition_loads:
+            each = {name: 0.5 * n * self._schedule.repeats[name] for name, n in counts.items()}
+            self._notes += addition_notes(self._lab, design, each, spec.loads)
         text, aborted = "", None
         if spec is not None and not self._refused:
             aborted = self._aborted(design, spec.expected_joint)

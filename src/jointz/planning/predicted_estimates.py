@@ -176,7 +176,7 @@ class PlannedLeg:
         self._lab, self._design = lab, design
         model, priors = planned_model(lab, design, person), lab.leg_priors(person)
         self.priors: Sequence[Prior] = [
-            priors.build(model, hypothesis) for hypothesis in _hypotheses(model, priors)
+            priors.build(model, hypothesis) for hypothesis in usual_hypotheses(model, priors)
         ]
         self.theta = self.priors[0].mean if theta is None else theta
         self.model = with_usable_samples(model, self.theta)
@@ -260,7 +260,8 @@ def typical_leg(lab: Laboratory, design: Design) -> PlannedLeg:
     return PlannedLeg(lab, design, 0)
 
 
-def _hypotheses(model: LegModel, priors: LegPriors) -> Sequence[Hypothesis]:
+def usual_hypotheses(model: LegModel, priors: LegPriors) -> Sequence[Hypothesis]:
+    """Return the hypotheses of the estimator about a planned leg."""
     return priors.coupling.hypotheses_of(
         priors.spec, several_sensors=bool(model.layout.sensors), phases=len(model.points)
     )
@@ -271,7 +272,7 @@ def drawn_parameters(lab: Laboratory, design: Design, *, n: int, seed: int) -> l
     drawn = []
     for number in range(n):
         model, priors = planned_model(lab, design, number), lab.leg_priors(number)
-        hypotheses = _hypotheses(model, priors)
+        hypotheses = usual_hypotheses(model, priors)
         prior = priors.build(model, hypotheses[number % len(hypotheses)])
         drawn.append(prior.draw(np.random.default_rng([seed, number])))
     return drawn

@@ -8,6 +8,8 @@ _GRAVITY = 9.81  # m/s^2
 #: Where the ankle is, which the table does not say: above the centre line of the foot (m), and
 #: from the heel as a share of the foot's length.
 _ANKLE_M, _HEEL = 0.04, 0.25
+#: For an unknown height.
+_AVERAGE_HEIGHT_M = 1.70
 
 
 class Segment(NamedTuple):
@@ -52,6 +54,12 @@ def leg_beyond(joint: str, mass_kg: float, height_m: float) -> Limb:
     """Return the leg beyond ``knee`` or ``hip``: the mean of a man's and a woman's."""
     sexes = [_leg_beyond(joint, table, mass_kg, height_m) for table in (MEN, WOMEN)]
     return Limb(*(float(mean(both)) for both in zip(*sexes, strict=True)))
+
+
+def segment_length(name: str, height_m: float | None) -> float:
+    """Return the length of a segment, m: the mean of a man's and a woman's."""
+    shares = [table[name].length for table in (MEN, WOMEN)]
+    return float(mean(shares)) * (height_m or _AVERAGE_HEIGHT_M)
 
 
 def _leg_beyond(joint: str, table: dict[str, Segment], mass_kg: float, height_m: float) -> Limb:

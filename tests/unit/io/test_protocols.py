@@ -36,7 +36,12 @@ def test_a_built_in_protocol_bears_its_name_and_states_section_and_notes(name):
     assert made.name == name
     assert made.title == builtin_protocols()[name]
     # Some are not of the dissertation.
-    assert made.section or name in ("walking_doublets", "walking_random", "knee_controller")
+    assert made.section or name in (
+        "walking_doublets",
+        "walking_random",
+        "knee_controller",
+        "verify",
+    )
     assert made.notes
 
 

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from jointz.core.codes import Doubt, Failure
+from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
 from jointz.core.method_names import BAYESIAN, PREDICTED
@@ -106,6 +107,11 @@ class BayesianMethod:
         participant, pulses = _prepared(data, settings)
         return participant.predicted_shapes(pulses)
 
+    def leg_data(self, data: ParticipantData, settings: ParticipantSettings) -> "LegData":
+        """Return what is fitted, without a fit; timing points that fail before it are left out."""
+        participant, pulses = _prepared(data, settings)
+        return participant.leg_data(pulses)
+
 
 def _prepared(
     data: ParticipantData,
@@ -136,6 +142,17 @@ def _with_all_data(settings: ParticipantSettings, coupling: Coupling) -> Partici
     reach_s = max(coupling.fit_s, settings.perturbations.window_s)
     longer = settings.perturbations.model_copy(update={"window_s": reach_s})
     return replace(settings, perturbations=longer)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegData:
+    """Timing points that are fitted together, with the model of their responses and its priors."""
+
+    cells: tuple[PredictedCell, ...]
+    model: LegModel
+    priors: LegPriors
+    body: Body
+    known: CalibrationSpec
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -235,6 +252,16 @@ class _Participant:
             failures |= _failures_after(explained)
         return self._assembled(records, codes, predicted, failures, explained)
 
+    def leg_data(self, candidates: Sequence[Candidate]) -> LegData:
+        """Return what is fitted of all timing points that do not fail before."""
+        _, predicted, _ = self._predictor.predict_points(candidates)
+        failures = self._failures(predicted)
+        cells = [cell for cell in predicted.values() if not failures[cell.label]]
+        if not cells:
+            why = next(iter(failures.values()), None) or Failure.TOO_FEW_PULSES
+            raise DataError(f"{self._data.participant}: {why.value}: {why.meaning}.")
+        return self._leg_data(cells)
+
     def predicted_shapes(self, candidates: Sequence[Candidate]) -> list[PredictedShapes]:
         """Return the pulses of every timing point by shape, without an estimate."""
         _, predicted, _ = self._predictor.predict_points(candidates)
@@ -314,9 +341,7 @@ class _Participant:
 
     # --- the fit -------------------------------------------------------------------------------
 
-    def _explained(self, cells: Sequence[PredictedCell]) -> _Explained | None:
-        if not cells:
-            return None
+    def _leg_data(self, cells: Sequence[PredictedCell]) -> LegData:
         settings, known = self._settings, self._known(cells)
         coupling = self._coupling
         spec, of_body = coupling.spec(settings.priors), coupling.is_strap
@@ -336,17 +361,23 @@ class _Participant:
             calibrated_lag(known),
             coupling,
         )
-        fit = explain if settings.last_fit is None else settings.last_fit.explain
-        posterior = fit(model, priors)
+        return LegData(tuple(cells), model, priors, body, known)
+
+    def _explained(self, cells: Sequence[PredictedCell]) -> _Explained | None:
+        if not cells:
+            return None
+        data, last, coupling = self._leg_data(cells), self._settings.last_fit, self._coupling
+        fit = explain if last is None else last.explain
+        posterior = fit(data.model, data.priors)
         return _Explained(
-            cells=tuple(cells),
+            cells=data.cells,
             posterior=posterior,
             moments=log_moments(posterior),
             remaining=remaining_sds(posterior),
-            body=body,
-            known=known,
+            body=data.body,
+            known=data.known,
             instruments=unlikely_instruments(posterior, coupling.fixed),
-            unlikely_lag=_unlikely_lag(model, priors, fit),
+            unlikely_lag=_unlikely_lag(data.model, data.priors, fit),
             fits=tuple(_fitted(posterior, k) for k in range(len(cells))),
             unlike_size=differs_with_size(posterior),
             sensors_contradict=bool(self._choice.odd)

@@ -63,7 +63,7 @@ def _covariances(model: LegModel, fit: MapFit) -> tuple[np.ndarray, dict[str, np
     """Return the mean of all logarithms, and their covariance if a source were known."""
     mean, gradient = log_gradient(model, fit)
     left = {n: _conditional(fit.covariance, places_of(model.layout, n)) for n in GROUPS}
-    left[PULSES] = _with_more_pulses(model, fit)
+    left[PULSES] = with_more_pulses(model, fit)
     return mean, {name: gradient @ c @ gradient.T for name, c in left.items()}
 
 
@@ -82,7 +82,8 @@ def _conditional(covariance: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.asarray(covariance - covariance[:, known] @ np.linalg.solve(among, covariance[known]))
 
 
-def _with_more_pulses(model: LegModel, fit: MapFit) -> np.ndarray:
+def with_more_pulses(model: LegModel, fit: MapFit) -> np.ndarray:
+    """Return the covariance of all parameters with twice the pulses."""
     points = [
         replace(point, shapes=tuple(replace(s, n_pulses=_TIMES * s.n_pulses) for s in point.shapes))
         for point in model.points

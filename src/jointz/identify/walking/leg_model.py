@@ -55,9 +55,13 @@ _COLUMNS: Final[Mapping[str, int]] = {
     JOINT_VELOCITY: leg.GYROSCOPE,
     SHANK_VELOCITY: leg.GYROSCOPE,
 }
+#: Size of a known addition to the joint that one unit of its parameter stands for: N*m/rad, kg*m^2.
+ADDED: Final[Mapping[str, float]] = {"added_stiffness": 100.0, "added_inertia": 0.1}
 #: Of a point behind its knots: deviation of the log reflex and, with gyroscopes, the logit of the
 #: share of the joint's motion that the shank makes.
 REFLEX, SHANK = range(2)
+#: Of the joint's motion, where no gyroscope shows it.
+SHANK_SHARE = STRAP.priors.shank_share.median
 #: Time from the onset at which the inertia has its value.
 REFERENCE_S = 0.06
 #: Knots of K and B at most so far apart, s.
@@ -80,12 +84,24 @@ _KNOT_NUGGET = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
+class AddedPart:
+    """Part that a known addition, the same at all timing points, has in one of them."""
+
+    partner: int  # the point without the addition
+    gravity: float  # N*m/rad: of the weight, in the posture of the point
+    # inertia that the joint feels over that of the addition, as a polynomial (constant first) in
+    # the share of the joint's motion that the shank makes
+    felt: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Layout:
     """Places of the parameters in the vector."""
 
     n_points: int
     n_knots: int
     sensors: tuple[str, ...] = ()  # beside the goniometer
+    has_addition: bool = False
 
     @property
     def own_of_point(self) -> range:
@@ -96,7 +112,8 @@ class Layout:
     @property
     def shared_names(self) -> tuple[str, ...]:
         """Names of the parameters that all timing points share, in order."""
-        return (*_SHARED, *(name for sensor in self.sensors for name in _OF_SENSOR[sensor]))
+        of_sensors = (name for sensor in self.sensors for name in _OF_SENSOR[sensor])
+        return (*_SHARED, *of_sensors, *(ADDED if self.has_addition else ()))
 
     @property
     def per_point(self) -> int:
@@ -149,8 +166,10 @@ class LegModel:
         gravity_stiffness: float,
         stiffness_scale: ValueScale = STIFFNESS_SCALE,
         error: ModelError = STRAP.error,
+        added: Sequence[AddedPart | None] = (),
     ) -> None:
         self.points = tuple(points)
+        self.added = tuple(added) or (None,) * len(self.points)
         self.error = error
         self.window_s = window_s
         self._gravity = gravity_stiffness
@@ -160,7 +179,8 @@ class LegModel:
         end_s = max(window_s, max(float(p.time_s[-1]) for p in points))
         self.knots_s = np.linspace(0.0, end_s, int(np.ceil(end_s / _KNOT_S - 1e-9)) + 1)
         self.channels = points[0].channels
-        self.layout = Layout(len(points), self.knots_s.size, self.channels[1:])
+        has_addition = any(part is not None for part in self.added)
+        self.layout = Layout(len(points), self.knots_s.size, self.channels[1:], has_addition)
         self._shown = [_COLUMNS[channel] for channel in self.channels]
         self._length_s = LENGTH_CYCLES * float(np.mean([p.stride_s for p in points]))
         among = self._correlation(self.knots_s) + _KNOT_NUGGET * np.eye(self.knots_s.size)
@@ -177,6 +197,7 @@ class LegModel:
             gravity_stiffness=self._gravity,
             stiffness_scale=self.stiffness_scale,
             error=self.error,
+            added=self.added,
         )
 
     def natural(self, theta: np.ndarray, point: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -186,7 +207,17 @@ class LegModel:
         scaled = theta[:, layout.stiffness(point)] @ weights.T
         stiffness = self.stiffness_scale.value(np.clip(scaled, *self._stiffness_range))
         damping = np.exp(np.clip(theta[:, layout.damping(point)] @ weights.T, *_LOG_B))
-        return stiffness, damping, self._leg(theta, point, stiffness)
+        parameters = self._leg(theta, point, stiffness)
+        if (part := self.added[point]) is not None:
+            more = self._addition(theta, "added_stiffness") + part.gravity
+            own, stiffness = stiffness, stiffness + more[:, None]
+            parameters[:, leg.GRAVITY_STIFFNESS] += more  # it does not soften, nor has reflexes
+            parameters[:, leg.REFLEX_GAIN] *= own.mean(axis=1) / stiffness.mean(axis=1)
+        return stiffness, damping, parameters
+
+    def _addition(self, theta: np.ndarray, name: str) -> np.ndarray:
+        """Return stiffness or inertia of the addition, SI, (m,)."""
+        return np.asarray(ADDED[name] * theta[:, self.layout.shared(name)])
 
     def limb_inertia(self, theta: np.ndarray, point: int, time_s: np.ndarray) -> np.ndarray:
         """Return the inertia of the bone side at times from the onset, (m, t)."""
@@ -195,7 +226,14 @@ class LegModel:
         change = np.clip(theta[:, layout.inertia(point)] @ weights.T, *_LOG_J)
         share = np.clip(np.exp(theta[:, layout.shared("device_share")]), *_SHARES)
         leg_and_device = np.exp(theta[:, layout.shared("inertia")])
-        return np.asarray((leg_and_device * (1.0 - share))[:, None] * np.exp(change))
+        own = (leg_and_device * (1.0 - share))[:, None] * np.exp(change)
+        if (part := self.added[point]) is None:
+            return np.asarray(own)
+        shank = np.full(len(theta), SHANK_SHARE)
+        if SHANK in layout.own_of_point:
+            shank = expit(theta[:, layout.own(point, SHANK)])
+        felt = self._addition(theta, "added_inertia") * np.polyval(part.felt[::-1], shank)
+        return np.asarray(own + felt[:, None])
 
     def responses(self, theta: np.ndarray, point: int) -> np.ndarray:
         """Return what the sensors show of all shapes of a point, stacked as in the response."""

@@ -107,6 +107,8 @@ class Decisions:
         if self._over or self._question is not None:
             return False
         first = spec.fewest_pulses * len(self._points)
+        if "steer" in spec.may:  # which points will need more is known before they have enough
+            first //= 2
         return n_done >= first and n_done - self._at_question >= spec.every_pulses
 
     def ask(self, question: Event) -> Event:

@@ -1,0 +1,281 @@
+"""Whether a set-up shows a known addition to the joint."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import ClassVar, Final
+
+import numpy as np
+import pandas as pd
+from scipy.stats import chi2
+
+from jointz.analysis.participant_jobs import (
+    participant_settings,
+    read_participant,
+    recommended_method,
+)
+from jointz.core.errors import DataError
+from jointz.core.study import AdditionSpec, Study
+from jointz.identify.estimators import ParticipantData
+from jointz.identify.preparation.sources import RecordingInput, prepare_sources
+from jointz.identify.walking.addition import (
+    MOST,
+    PARTS,
+    AdditionFit,
+    explained_by,
+    fit_addition,
+    pair_model,
+    stated_addition,
+)
+from jointz.identify.walking.bayesian_method import BayesianMethod, LegData
+from jointz.io.study_reader import open_study
+from jointz.results.base import Axes, PlottedResult
+from jointz.results.estimates import REACH_95, WIDEST
+from jointz.results.figure_style import BLUE, INK, ORANGE
+from jointz.tasks.engine import on_one_thread
+
+_LEVEL: Final = 0.95
+#: No more than so many times the pulses are proposed.
+_MOST_TIMES: Final = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class AdditionResult:
+    """One part of an addition to one person, as the pulses show it.
+
+    Parameters
+    ----------
+    participant : str
+        The person's id.
+    part : str
+        ``stiffness`` (N*m/rad) or ``inertia`` (kg*m^2).
+    stated, stated_sd : float
+        The addition as the study states it.
+    found, ci_low, ci_high : float
+        What the pulses show, with its 95 % interval.
+    verdict : str
+        ``pass``, ``fail`` or ``cannot tell``.
+    times_pulses : float, optional
+        Times as many pulses for an interval of half the addition; None where none would do.
+    """
+
+    participant: str
+    part: str
+    stated: float
+    stated_sd: float
+    found: float
+    ci_low: float
+    ci_high: float
+    verdict: str
+    times_pulses: float | None
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Verification(PlottedResult):
+    """Whether a set-up shows a known addition to the joint.
+
+    Parameters
+    ----------
+    parts : tuple of AdditionResult
+        Stiffness and inertia of every participant.
+    verdicts : mapping of str to str
+        Participant -> ``pass``, ``fail`` or ``cannot tell``, of both parts together.
+    p : mapping of str to float
+        Participant -> probability of a difference as large, if the set-up is right.
+    explanations : mapping of str to str
+        Participant -> the error that explains a failure best.
+    """
+
+    SCHEMA: ClassVar[str] = "jointz.Verification/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.4, 3.2)
+
+    parts: tuple[AdditionResult, ...]
+    verdicts: Mapping[str, str]
+    p: Mapping[str, float]
+    explanations: Mapping[str, str]
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row for each participant and part."""
+        return pd.DataFrame([{k: getattr(r, k) for k in r.__slots__} for r in self.parts])
+
+    def _draw(self, axes: "Axes") -> None:
+        """Draw every interval over what was stated, by person."""
+        people = list(self.verdicts)
+        for k, (part, color) in enumerate(zip(PARTS, (BLUE, ORANGE), strict=True)):
+            rows = [row for row in self.parts if row.part == part and row.stated]
+            if not rows:
+                continue
+            at = [people.index(row.participant) + 0.2 * (k - 0.5) for row in rows]
+            found, low, high = (
+                np.array([100.0 * getattr(row, name) / row.stated for row in rows])
+                for name in ("found", "ci_low", "ci_high")
+            )
+            bars = [found - low, high - found]
+            axes.errorbar(at, found, yerr=bars, fmt="o", color=color, ms=4.0, label=part)
+        axes.axhline(100.0, color=INK, lw=0.8)
+        labels = [f"{person}\n{self.verdicts[person]}" for person in people]
+        axes.set_xticks(range(len(people)), labels)
+        axes.set_ylabel("Found, % of the addition")
+        axes.legend(frameon=False)
+
+    def summary(self) -> str:
+        """Return a few lines of text."""
+        lines = []
+        for person, verdict in self.verdicts.items():
+            lines.append(f"{person}: {verdict} (p = {self.p[person]:.2g})")
+            lines += [f"  {_sentence(r)}" for r in self.parts if r.participant == person]
+            if why := self.explanations.get(person):
+                lines.append(f"  {why}")
+        return "\n".join(lines)
+
+
+def verify(study: Study | str | os.PathLike[str]) -> Verification:
+    """Compare a known addition to the joint with what the pulses show of it.
+
+    The recordings of the sessions that ``[[additions]]`` of the study names, and those of all
+    others, are explained as one leg with one set of instruments (docs/verify.md).
+
+    Parameters
+    ----------
+    study : Study or path
+        A study of walking with ``[[additions]]``.
+
+    Returns
+    -------
+    Verification
+        Stiffness and inertia of the addition with 95 % intervals, and verdicts.
+
+    Raises
+    ------
+    DataError
+        When the study states no addition, additions differ, or pulses without or with it are
+        missing or cannot be used.
+    """
+    opened = study if isinstance(study, Study) else open_study(study)
+    addition = _addition(opened)
+    rows: list[AdditionResult] = []
+    verdicts: dict[str, str] = {}
+    p: dict[str, float] = {}
+    explanations: dict[str, str] = {}
+    for person in opened.spec.participants:
+        pair = on_one_thread(partial(_pair, opened, person.id))
+        fit = on_one_thread(partial(fit_addition, *pair, addition, person))
+        p[person.id], own = _judged(person.id, fit, addition)
+        verdicts[person.id] = _verdict(own, failed=p[person.id] < 1.0 - _LEVEL or fit.unlikely)
+        rows += own
+        if verdicts[person.id] == "fail":
+            model = pair_model(*pair, addition, person)
+            explain = partial(explained_by, model, pair[0].priors, addition)
+            explanations[person.id] = _explanation(fit, on_one_thread(explain))
+    return Verification(tuple(rows), verdicts, p, explanations)
+
+
+def _addition(study: Study) -> AdditionSpec:
+    """Return the addition of all loaded sessions."""
+    additions = study.spec.additions
+    if not additions or study.spec.kind != "walking":
+        raise DataError(
+            f"{study.root}: expected a study of walking with [[additions]] (session, and inertia, "
+            "stiffness or gravity_nm), found none. State what was added in which session."
+        )
+    first = additions[0]
+    if any(one.model_copy(update={"session": first.session}) != first for one in additions):
+        raise DataError(f"{study.root}: additions: expected the same in all sessions.")
+    stated, _ = stated_addition(first)
+    if any(stated > MOST):
+        raise DataError(
+            f"{study.root}: additions: expected at most {MOST[0]:g} N*m/rad and {MOST[1]:g} "
+            "kg*m^2, more than any knee has. Check the units."
+        )
+    return first
+
+
+def _pair(study: Study, person: str) -> tuple[LegData, LegData]:
+    """Return the pulses of a person without and with the addition."""
+    loaded = {one.session for one in study.spec.additions}
+    settings = participant_settings(study, person, recommended_method(study), resamples=2, seed=0)
+    recordings = read_participant(study, person, {})
+    spec = {entry.label: entry.session for entry in study.spec.recordings}
+    groups: tuple[list[RecordingInput], list[RecordingInput]] = ([], [])
+    for recording in recordings:
+        groups[spec.get(recording.file, "") in loaded].append(recording)
+    if not all(any(r.condition == "perturbed" for r in group) for group in groups):
+        raise DataError(f"{person}: expected pulses without and with the addition.")
+    method = BayesianMethod()
+    without, with_addition = (
+        method.leg_data(ParticipantData(person, prepare_sources(group, settings)), settings)
+        for group in groups
+    )
+    return without, with_addition
+
+
+def _judged(
+    person: str, fit: AdditionFit, addition: AdditionSpec
+) -> tuple[float, list[AdditionResult]]:
+    """Return the p-value of both parts together, and each part by itself."""
+    stated, stated_sd = stated_addition(addition)
+    off, errors = fit.mean - stated, fit.covariance + np.diag(stated_sd**2)
+    p = float(chi2.sf(off @ np.linalg.solve(errors, off), off.size))
+    sds = np.sqrt(np.diag(fit.covariance))
+    rows = []
+    for k, part in enumerate(PARTS):
+        reach = REACH_95 * sds[k]
+        row = AdditionResult(
+            person,
+            part,
+            float(stated[k]),
+            float(stated_sd[k]),
+            float(fit.mean[k]),
+            float(fit.mean[k] - reach),
+            float(fit.mean[k] + reach),
+            "pass",
+            _times_pulses(float(sds[k]), float(fit.more_pulses[k]), float(stated[k])),
+        )
+        contradicts = abs(off[k]) > REACH_95 * np.sqrt(errors[k, k])
+        wide = stated[k] > 0.0 and reach > WIDEST * stated[k]
+        rows.append(
+            replace(row, verdict="fail" if contradicts else "cannot tell" if wide else "pass")
+        )
+    return p, rows
+
+
+def _times_pulses(sd: float, with_twice: float, stated: float) -> float | None:
+    """Return how many times the pulses make the interval half of the addition."""
+    wanted = WIDEST * stated / REACH_95
+    by_pulses = 2.0 * (sd**2 - with_twice**2)  # falls with their number, the rest stays
+    least = sd**2 - by_pulses
+    if not stated or wanted**2 <= least:
+        return None
+    times = by_pulses / (wanted**2 - least)
+    return max(times, 1.0) if times <= _MOST_TIMES else None
+
+
+def _verdict(parts: Sequence[AdditionResult], *, failed: object) -> str:
+    if failed:
+        return "fail"
+    told = [part for part in parts if part.stated]
+    return "cannot tell" if any(part.verdict == "cannot tell" for part in told) else "pass"
+
+
+def _explanation(fit: AdditionFit, evidence: Mapping[str, float]) -> str:
+    """Name the error that makes the addition as stated likeliest, and sensors that speak."""
+    best = max(evidence, key=lambda error: evidence[error])
+    texts = [str(found) for found in fit.unlikely]
+    if best:
+        odds = evidence[best] - evidence[""]
+        texts.insert(0, f"best explained by the {best} (log odds {odds:.1f} over no error)")
+    return "; ".join(texts)
+
+
+def _sentence(row: AdditionResult) -> str:
+    unit = PARTS[row.part]
+    text = (
+        f"{row.part}: {row.found:.3g} [{row.ci_low:.3g}, {row.ci_high:.3g}] {unit}, stated "
+        f"{row.stated:.3g}: {row.verdict}"
+    )
+    if row.verdict != "cannot tell":
+        return text
+    more = row.times_pulses
+    advice = "no number of pulses would tell" if more is None else f"{more:.1f} times the pulses"
+    return f"{text} ({advice})"
