@@ -223,10 +223,6 @@ class Certificate(PlottedResult):
         table = record_frame(self.errors, columns_with(ExpectedError, "unit", after="rmse"))
         return table.assign(status=self.status, reasons="; ".join(self.reasons))
 
-    def estimates_frame(self) -> pd.DataFrame:
-        """Return every estimate of a simulated person beside its truth."""
-        return record_frame(self.estimates, VirtualEstimate.__slots__)
-
     def comparison_frame(self) -> pd.DataFrame:
         """Return the statistics of the study beside those of the simulated people."""
         columns = ("name", "study", "simulated", "low", "high", "differs")
