@@ -11,23 +11,24 @@ from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.provenance import own_version
 from jointz.kernels.statistics.anova import FTest
-from jointz.kernels.statistics.kenward_roger import kenward_roger_test, single_contrasts
+from jointz.kernels.statistics.kenward_roger import (
+    kenward_roger_test,
+    satterthwaite_test,
+    sequential_contrasts,
+    single_contrasts,
+)
 from jointz.kernels.statistics.mixed_model_components import (
     CellBlocks,
     ComponentsFit,
     cell_blocks,
     fit_components,
-    fit_participants,
+    fit_random_intercept,
     likelihood_ratio,
 )
 from jointz.kernels.statistics.mixed_model_groups import (
     GroupVariance,
     NoErrorLeftError,
     group_variance,
-)
-from jointz.kernels.statistics.mixed_model_likelihood import (
-    satterthwaite_test,
-    sequential_contrasts,
 )
 from jointz.kernels.statistics.repeated_measures import paired_t_test, repeated_measures_anova
 from jointz.results.statistics.mixed_model_fit import (
@@ -156,7 +157,7 @@ def _fit(rows: Rows, response: str, *, nested: bool) -> tuple[CellBlocks, Compon
         blocks = cell_blocks(rows.design, rows.y, rows.person, cell=cell)
         if nested:
             return blocks, fit_components(blocks)
-        return blocks, fit_participants(rows.design, rows.y, rows.person)
+        return blocks, fit_random_intercept(rows.design, rows.y, rows.person)
     except ValueError as problem:
         raise DataError(f"mixed model of {response!r}: {problem}") from problem
 
