@@ -30,7 +30,7 @@ from jointz.kernels.statistics.mixed_model_groups import (
     NoErrorLeftError,
     group_variance,
 )
-from jointz.kernels.statistics.repeated_measures import paired_t_test, repeated_measures_anova
+from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
 from jointz.results.statistics.mixed_model_fit import (
     EffectTest,
     IntraclassCorrelation,
@@ -41,6 +41,7 @@ from jointz.results.statistics.mixed_model_fit import (
     RepeatedMeasuresTest,
     Variances,
 )
+from jointz.stats.comparison import paired_difference
 from jointz.stats.mixed_model_rows import Rows, table_rows
 
 DF_METHODS = ("kenward-roger", "satterthwaite")
@@ -302,7 +303,7 @@ def _paired_pair(first: str, a: np.ndarray, second: str, b: np.ndarray) -> Level
     both = np.isfinite(a) & np.isfinite(b)
     names, n = (first, second, "paired"), int(both.sum())
     try:
-        test = paired_t_test(a[both], b[both])
+        test = paired_difference(a[both], b[both])
     except ValueError:
         # Fewer than two pairs, or all differ alike: there is no error to compare with.
         mean = float((a[both] - b[both]).mean()) if n else None
