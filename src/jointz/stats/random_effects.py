@@ -1,12 +1,8 @@
-"""Random-effects means: from people to a study, and over studies."""
+"""Mean over the people of a study, with the error of a random-effects model."""
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-
-from jointz.kernels.statistics.between_study_variance import random_effects
-from jointz.results.statistics.random_effects_fit import RandomEffects, StudyMean
 
 _FEWEST: Final = 2
 
@@ -39,16 +35,3 @@ def mean_over_people(
     excess, axes = np.linalg.eigh((between - mean_error) / np.outer(size, size))
     kept = (axes * np.maximum(excess, 0.0)) @ axes.T * np.outer(size, size)
     return mean, (mean_error + kept) / n + shared_sd**2 * np.outer(mean, mean)
-
-
-def pool_studies(
-    studies: Sequence[StudyMean], *, parameter: str, unit: str, ci_level: float = 0.95
-) -> RandomEffects:
-    """Estimate the mean over studies of one parameter."""
-    fit = random_effects(
-        np.array([s.value for s in studies]),
-        np.array([s.se for s in studies]) ** 2,
-        level=ci_level,
-        modified=True,
-    )
-    return RandomEffects(parameter, unit, tuple(studies), fit, ci_level)
