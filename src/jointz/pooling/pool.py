@@ -26,7 +26,6 @@ from jointz.pooling.results_folders import AVAILABLE, ResultsFolder, read_folder
 from jointz.report.wording import ABSOLUTE, ALL_PARAMETERS, format_count
 from jointz.results.base import plain
 from jointz.results.estimates import FEWEST_PEOPLE
-from jointz.stats.random_effects import mean_over_people
 
 _FEWEST: Final = 2
 #: Columns of a cell: rows that agree in them are pooled.
@@ -76,16 +75,21 @@ def study_means(people: pd.DataFrame) -> Iterator[Row]:
 
 
 def _mean(people: pd.DataFrame) -> Row:
-    """Return the mean of a study and its standard error, or why there is none."""
+    """Return the mean of a study and its standard error, or why there is none.
+
+    Few people can look more alike than their own errors allow, and a study must not gain weight by
+    that: the variance of a person is the larger one of that between people, which holds their own
+    errors, and of these errors. What all people share, gains of the calibration, does not average
+    out. Misleads for very few people, of whose variance little is known.
+    """
     if people.empty:
         return {"status": NotPooled.NO_VALUE.value}
     n, value = len(people), float(people["value"].mean())
     if n < _FEWEST:
         return {"value": value, "status": NotPooled.ONE_PERSON.value}
-    errors = people["error"].fillna(0.0).to_numpy()[:, None, None]
-    shared_sd = float(people["gain_sd"].max())
-    variance = mean_over_people(people[["value"]].to_numpy(), errors, shared_sd=shared_sd)[1]
-    if (se := float(np.sqrt(variance[0, 0]))) == 0.0:
+    own, between = people["error"].fillna(0.0).mean(), people["value"].to_numpy().var(ddof=1)
+    shared = float(people["gain_sd"].max()) * value
+    if (se := float(np.hypot(np.sqrt(max(own, between) / n), shared))) == 0.0:
         return {"value": value, "status": NotPooled.NO_SPREAD.value}
     reach = float(stdtrit(n - 1, 0.5 + float(people["ci_level"].iloc[0]) / 2.0)) * se
     ends = {"ci_low": value - reach, "ci_high": value + reach}
