@@ -5,7 +5,7 @@ pulse is a random factor.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -302,15 +302,8 @@ def _undecided(pulses: _Pulses, effect: str, analysis: str) -> PulseTest:
 
 
 def _decided(blank: PulseTest, test: FTest) -> PulseTest:
-    return replace(
-        blank,
-        statistic=finite_or_none(test.statistic),
-        df_num=test.df_num,
-        df_den=test.df_den,
-        p=test.p,
-        status="ok",
-        code="",
-    )
+    numbers = asdict(test) | {"statistic": finite_or_none(test.statistic)}
+    return replace(blank, **numbers, status="ok", code="")
 
 
 def _means(pulses: _Pulses, fit: ComponentsFit | None) -> PulseMeans:
