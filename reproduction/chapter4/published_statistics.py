@@ -11,10 +11,10 @@ from scipy.special import stdtr, stdtrit
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.kernels.statistics.random_field import SearchRegion, critical_height
-from jointz.kernels.statistics.repeated_measures import paired_t_test
 from jointz.reference import Printed, chapter4, row_mean
 from jointz.results.statistics.mixed_model_fit import MixedModelFit
 from jointz.stats import compare_quasi_stiffness, mixed_model
+from jointz.stats.comparison import paired_difference
 from reproduction import printed_numbers
 from reproduction.audit_chapter4 import column_mean
 from reproduction.chapter4.replicates import (
@@ -138,7 +138,7 @@ def quasi_stiffness_table() -> ClaimTable:
         unit=test.unit,
         verdict="reproduced" if abs(test.p - printed) < 5e-5 else "not reproduced",
         pooled=2.0 * float(stdtr(2 * test.n - 2, -abs(test.statistic))),
-        paired=paired_t_test(
+        paired=paired_difference(
             np.array([implied[point] for point in stiffness]), np.array(list(stiffness.values()))
         ),
         differences=", ".join(f"{d:g}" for d in apart),

@@ -15,10 +15,8 @@ from reproduction.printed_numbers import PARAMETER_NAMES
 from scipy.stats import binom, f_oneway
 from scipy.stats import f as f_distribution
 
-from jointz.kernels.statistics.mixed_model_likelihood import (
-    fit_random_intercept,
-    satterthwaite_test,
-)
+from jointz.kernels.statistics.kenward_roger import satterthwaite_test
+from jointz.kernels.statistics.mixed_model_components import fit_random_intercept
 from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
 from jointz.reference import chapter4
 

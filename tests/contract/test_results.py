@@ -38,7 +38,6 @@ from jointz.inspection.inspection_result import (
     SeenClock,
     SeenRecording,
 )
-from jointz.kernels.statistics.between_study_variance import random_effects
 from jointz.planning.plan_result import (
     Plan,
     PlannedCourse,
@@ -81,10 +80,6 @@ from jointz.results.statistics.comparison_rows import (
     SourceMean,
 )
 from jointz.results.statistics.pulse_effect_tests import PulseEffects, PulseMeans, PulseTest
-from jointz.results.statistics.random_effects_fit import (
-    RandomEffects,
-    StudyMean,
-)
 from jointz.results.study_analysis import PopulationEstimate
 from jointz.rig.calibration.report import Calibration
 
@@ -515,14 +510,6 @@ def calibration() -> Calibration:
     return Calibration("hinge", fits, "study", ("calibration.toml",), ("a note",))
 
 
-def random_effects_of_studies() -> RandomEffects:
-    values, ses = np.array([62.1, 55.4, 70.8]), np.array([3.4, 2.2, 4.5])
-    studies = [StudyMean(f"lab-{k}", values[k], ses[k], 8) for k in range(3)]
-    return RandomEffects(
-        "stiffness", "N*m/rad", tuple(studies), random_effects(values, ses**2, modified=True)
-    )
-
-
 def pooled_studies() -> PooledStudies:
     cell = {"timing_point": "MST", "condition": "level", "parameter": "stiffness"}
     cell |= {"unit": "N*m/rad", "walking_speed_m_s": 1.2}
@@ -577,7 +564,6 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "design": lambda: design_joint({"walking": published_profile()}),
     "inspection": inspection,
     "nothing seen": lambda: Inspection("empty.csv"),
-    "studies pooled": random_effects_of_studies,
     "pooled studies": pooled_studies,
     "nothing pooled": nothing_pooled,
     "comparison": comparison,

@@ -17,11 +17,9 @@ class Clock(Protocol):
 
     def now_ns(self) -> int:
         """Return the time, ns."""
-        ...
 
     def wait_until_ns(self, deadline_ns: int) -> None:
         """Return when the time is ``deadline_ns`` or later, at once where it has passed."""
-        ...
 
 
 class VirtualClock:

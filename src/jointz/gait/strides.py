@@ -47,16 +47,14 @@ class Strides:
         return self.strike_s[1:]
 
 
-def find_strides(
-    strike_s: np.ndarray, gaps: np.ndarray, *, gap_tolerance_s: float | None = None
-) -> Strides:
+def find_strides(strike_s: np.ndarray, gaps: np.ndarray) -> Strides:
     """Cut a recording into strides and accept or reject each.
 
     A stride is accepted when it lasts 0.75 to 1.33 times the median of the last
     five accepted strides (at the start: the median of all intervals counts as
     one) and no hole lies inside. Too long is ``missing_strike``, too short
     ``spurious_strike``: a false strike inside a stride makes two short strides.
-    A hole longer than the tolerance is ``gap``, whatever the duration; it neither
+    A hole of 0.15 expected strides or more is ``gap``, whatever the duration; it neither
     moves nor restarts the band. After five rejected strides in a row that lie
     within 0.75 to 1.33 of their own median, the cadence has changed for good:
     the band restarts at that median, and the five stay rejected.
@@ -70,7 +68,7 @@ def find_strides(
             "Sort the strikes, and separate trials whose time restarts."
         )
     longest_gap = _longest_gap(strike_s, np.asarray(gaps, dtype=float).reshape(-1, 2))
-    verdicts = _judge(duration, longest_gap, gap_tolerance_s)
+    verdicts = _judge(duration, longest_gap)
     return Strides(
         start_s=strike_s[:-1],
         duration_s=duration,
@@ -105,18 +103,15 @@ class _Band:
             self._rejected.clear()
 
 
-def _judge(
-    duration: np.ndarray, longest_gap: np.ndarray, gap_tolerance_s: float | None
-) -> list[tuple[str, str]]:
+def _judge(duration: np.ndarray, longest_gap: np.ndarray) -> list[tuple[str, str]]:
     if duration.size == 0:
         return []
     band = _Band(float(np.median(duration)))
     verdicts = []
     for length, gap in zip(duration.tolist(), longest_gap.tolist(), strict=True):
         expected = band.expected
-        tolerance = _GAP_SHARE * expected if gap_tolerance_s is None else gap_tolerance_s
         hole = f"gap of {gap:.3f} s" if gap else ""
-        if gap >= tolerance and gap:
+        if gap >= _GAP_SHARE * expected:
             verdicts.append((Exclusion.GAP.value, hole))
             continue
         code, detail = _by_duration(length, expected)

@@ -3,20 +3,16 @@
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-
-def shortest_record(*, order: int = 4) -> int:
-    """Return how many samples :func:`lowpass_zero_phase` needs at least.
-
-    A record must be longer than its extension of 3 (order + 1) reflected samples at either end, as
-    in scipy (MATLAB: 3 order).
-    """
-    return _padding(order) + 1
+#: Order of the filter that runs forward and backward.
+_ORDER = 4
+#: Reflected samples that extend a record at either end, as in scipy (MATLAB: 3 order).
+_PADDING = 3 * (_ORDER + 1)
+#: How many samples :func:`lowpass_zero_phase` needs at least.
+SHORTEST_RECORD = _PADDING + 1
 
 
-def lowpass_zero_phase(
-    x: np.ndarray, *, cutoff_hz: float, rate_hz: float, order: int = 4
-) -> np.ndarray:
-    """Return the record low-passed by a Butterworth run forward and backward.
+def lowpass_zero_phase(x: np.ndarray, *, cutoff_hz: float, rate_hz: float) -> np.ndarray:
+    """Return the record low-passed by a Butterworth of order 4 run forward and backward.
 
     ``x`` (..., n): time along the last axis; a NaN spreads over its whole row. The gain at the
     cutoff is 1/2 (-6 dB): the square of the single run's. Some periods of the cutoff next to the
@@ -29,18 +25,11 @@ def lowpass_zero_phase(
             f"lowpass_zero_phase: expected 0 < cutoff_hz < rate_hz / 2 = {rate_hz / 2.0:g} Hz, "
             f"got {cutoff_hz:g} Hz. Lower the cutoff or record faster."
         )
-    needed = shortest_record(order=order)
     n = values.shape[-1] if values.ndim else 0
-    if n < needed:
+    if n < SHORTEST_RECORD:
         raise ValueError(
-            f"lowpass_zero_phase: expected at least {needed} samples along the last axis for "
-            f"order {order}, got {n}. Give a longer record."
+            f"lowpass_zero_phase: expected at least {SHORTEST_RECORD} samples along the last axis "
+            f"for order {_ORDER}, got {n}. Give a longer record."
         )
-    sections = butter(order, cutoff_hz, fs=rate_hz, output="sos")
-    return np.asarray(sosfiltfilt(sections, values, axis=-1, padlen=_padding(order)))
-
-
-def _padding(order: int) -> int:
-    if order < 1:
-        raise ValueError(f"order: expected at least 1, got {order}.")
-    return 3 * (order + 1)
+    sections = butter(_ORDER, cutoff_hz, fs=rate_hz, output="sos")
+    return np.asarray(sosfiltfilt(sections, values, axis=-1, padlen=_PADDING))

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from scipy.special import ndtri
+from scipy.special import ndtri, stdtrit
 
 from jointz.core.codes import Failure, NotPooled
 from jointz.core.errors import DataError, OutputError, StudyError, install_advice
@@ -17,6 +17,7 @@ from jointz.core.provenance import now, software
 from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import MARKER, POOL, check_free, new_folder, write_marker
 from jointz.io.relative_paths import distinct_names
+from jointz.kernels.statistics.between_study_variance import random_effects
 from jointz.pooling.conditions import CONDITION_COLUMNS, Condition, read_conditions
 from jointz.pooling.page import draw_forests, render_pool
 from jointz.pooling.plain_tables import typed_table
@@ -25,8 +26,6 @@ from jointz.pooling.results_folders import AVAILABLE, ResultsFolder, read_folder
 from jointz.report.wording import ABSOLUTE, ALL_PARAMETERS, format_count
 from jointz.results.base import plain
 from jointz.results.estimates import FEWEST_PEOPLE
-from jointz.results.statistics.random_effects_fit import StudyMean
-from jointz.stats.random_effects import mean_over_people, pool_studies
 
 _FEWEST: Final = 2
 #: Columns of a cell: rows that agree in them are pooled.
@@ -76,19 +75,25 @@ def study_means(people: pd.DataFrame) -> Iterator[Row]:
 
 
 def _mean(people: pd.DataFrame) -> Row:
-    """Return the mean of a study and its standard error, or why there is none."""
+    """Return the mean of a study and its standard error, or why there is none.
+
+    Few people can look more alike than their own errors allow, and a study must not gain weight by
+    that: the variance of a person is the larger one of that between people, which holds their own
+    errors, and of these errors. What all people share, gains of the calibration, does not average
+    out. Misleads for very few people, of whose variance little is known.
+    """
     if people.empty:
         return {"status": NotPooled.NO_VALUE.value}
     n, value = len(people), float(people["value"].mean())
     if n < _FEWEST:
         return {"value": value, "status": NotPooled.ONE_PERSON.value}
-    errors = people["error"].fillna(0.0).to_numpy()[:, None, None]
-    shared_sd = float(people["gain_sd"].max())
-    variance = mean_over_people(people[["value"]].to_numpy(), errors, shared_sd=shared_sd)[1]
-    if (se := float(np.sqrt(variance[0, 0]))) == 0.0:
+    own, between = people["error"].fillna(0.0).mean(), people["value"].to_numpy().var(ddof=1)
+    shared = float(people["gain_sd"].max()) * value
+    if (se := float(np.hypot(np.sqrt(max(own, between) / n), shared))) == 0.0:
         return {"value": value, "status": NotPooled.NO_SPREAD.value}
-    low, high = StudyMean("", value, se, n, float(people["ci_level"].iloc[0])).interval
-    return {"value": value, "se": se, "ci_low": low, "ci_high": high, "status": "ok"}
+    reach = float(stdtrit(n - 1, 0.5 + float(people["ci_level"].iloc[0]) / 2.0)) * se
+    ends = {"ci_low": value - reach, "ci_high": value + reach}
+    return {"value": value, "se": se, **ends, "status": "ok"}
 
 
 #: Largest distance of timing points of one name, % of the gait cycle.
@@ -373,9 +378,8 @@ def _mean_over_studies(group: pd.DataFrame, level: float) -> tuple[Row, np.ndarr
     if len(ok) == 1:
         mean = {name: float(ok[name].iloc[0]) for name in ("value", "ci_low", "ci_high")}
         return row | mean | {"status": _decided(row | mean, ONE_STUDY)}, np.nan
-    columns = ok[["study", "value", "se", "n_people"]]
-    means = [StudyMean(*study) for study in columns.itertuples(index=False, name=None)]
-    f = pool_studies(means, parameter="", unit="", ci_level=level).fit
+    values, errors = ok["value"].to_numpy(), ok["se"].to_numpy()
+    f = random_effects(values, errors**2, level=level, modified=True)
     names = ("i2_pct", "q", "q_p", "prediction_low", "prediction_high")
     row |= {"value": f.mean, "ci_low": f.low, "ci_high": f.high}
     row["status"] = _decided(row, "ok")

@@ -1,10 +1,11 @@
 """Result of pooling: estimates of all studies, their means, and means over studies."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
+import numpy as np
 import pandas as pd
 
 from jointz.core.channels import axis_label
@@ -13,8 +14,8 @@ from jointz.pooling.plain_tables import Kind, plain_rows, typed_table
 from jointz.report.wording import ABSOLUTE, format_count, point_name
 from jointz.results.base import Axes, Result, checked_values, summary_text
 from jointz.results.estimates import ESTIMATE_COLUMNS
-from jointz.results.figure_style import in_figure_style
-from jointz.results.statistics.random_effects_fit import draw_forest
+from jointz.results.figure_style import axes_or_new, in_figure_style
+from jointz.results.series.frequency_response_curve import INK, MODEL
 
 #: Status of the mean of a single study, and of a mean whose interval reaches zero; others are
 #: ``ok`` and ``failed:too_few_studies``.
@@ -119,12 +120,12 @@ class PooledStudies(Result):
         """Draw a forest plot of the mean with most studies."""
         pooled = self.table[self.table["status"] == "ok"]
         if pooled.empty:
-            axes = draw_forest([], dict.fromkeys(COLUMNS["table"], float("nan")), ax)
+            axes = _draw_forest([], dict.fromkeys(COLUMNS["table"], float("nan")), ax)
             axes.set_title("no mean over studies")
             return axes
         row = pooled.sort_values("n_studies", ascending=False, kind="stable").iloc[0].to_dict()
         used = studies_of(self.studies, row)
-        axes = draw_forest(used[used["status"] == "ok"].to_dict("records"), row, ax)
+        axes = _draw_forest(used[used["status"] == "ok"].to_dict("records"), row, ax)
         name, level = axis_label(row["parameter"]), f"{100 * self.ci_level:g} %"
         axes.set(xlabel=f"{name}, {level} intervals", title=cell_text(row))
         return axes
@@ -170,3 +171,23 @@ def studies_of(studies: pd.DataFrame, row: Mapping[Any, Any]) -> pd.DataFrame:
     both = studies[columns].astype(object)
     is_same = (both == cell) | (both.isna() & pd.isna(cell))
     return studies[is_same.all(axis=1)]
+
+
+def _draw_forest(
+    studies: Sequence[Mapping[Any, Any]], mean: Mapping[Any, Any], ax: "Axes | None" = None
+) -> "Axes":
+    """Draw a forest plot: the studies, their mean below them."""
+    axes = axes_or_new(ax, (6.0, 4.0))
+    at, below = np.arange(len(studies)), len(studies) + 0.3
+    values = np.array([s["value"] for s in studies])
+    axes.hlines(at, [s["ci_low"] for s in studies], [s["ci_high"] for s in studies], color="0.4")
+    sizes = [20.0 + 3.0 * s["weight_pct"] for s in studies]
+    axes.scatter(values, at, s=sizes, marker="s", color=INK, zorder=2.5)
+    axes.hlines(below, mean["prediction_low"], mean["prediction_high"], color=MODEL, lw=1)
+    across = [mean["ci_low"], mean["value"], mean["ci_high"], mean["value"]]
+    axes.fill(across, [below, below - 0.25, below, below + 0.25], color=MODEL)
+    labels = [f"{s['study']} ({int(s['n_people'])})" for s in studies]
+    axes.set_yticks([*at, below], [*labels, "mean over studies"])
+    axes.invert_yaxis()
+    axes.set_ylabel("study (people)")
+    return axes

@@ -188,13 +188,6 @@ def record_frame(records: Iterable[Any], columns: Iterable[str]) -> pd.DataFrame
     return pd.DataFrame([[getattr(r, name) for name in names] for r in records], columns=names)
 
 
-def columns_with(kind: type, column: str, *, after: str) -> list[str]:
-    """Return the names of the fields of a record type, with ``column`` inserted after one."""
-    columns = [f.name for f in fields(kind)]
-    columns.insert(columns.index(after) + 1, column)
-    return columns
-
-
 def summary_text(title: str, lines: Iterable[str], notes: Iterable[str] = ()) -> str:
     """Return a summary: a title, indented lines, notes."""
     indented = [f"  {line}" for line in lines] + [f"  Note: {note}" for note in notes]

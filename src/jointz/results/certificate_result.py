@@ -9,7 +9,7 @@ import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.results.base import Axes, PlottedResult, columns_with, record_frame, summary_text
+from jointz.results.base import Axes, PlottedResult, record_frame, summary_text
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 _DECIDED = ("ok", "at_bound")
@@ -220,12 +220,9 @@ class Certificate(PlottedResult):
 
     def to_frame(self) -> pd.DataFrame:
         """Return the errors to expect, one row a parameter and timing point."""
-        table = record_frame(self.errors, columns_with(ExpectedError, "unit", after="rmse"))
+        table = record_frame(self.errors, ExpectedError.__slots__)
+        table.insert(list(table).index("rmse") + 1, "unit", [row.unit for row in self.errors])
         return table.assign(status=self.status, reasons="; ".join(self.reasons))
-
-    def estimates_frame(self) -> pd.DataFrame:
-        """Return every estimate of a simulated person beside its truth."""
-        return record_frame(self.estimates, VirtualEstimate.__slots__)
 
     def comparison_frame(self) -> pd.DataFrame:
         """Return the statistics of the study beside those of the simulated people."""

@@ -11,13 +11,18 @@ from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.provenance import own_version
 from jointz.kernels.statistics.anova import FTest
-from jointz.kernels.statistics.kenward_roger import kenward_roger_test, single_contrasts
+from jointz.kernels.statistics.kenward_roger import (
+    kenward_roger_test,
+    satterthwaite_test,
+    sequential_contrasts,
+    single_contrasts,
+)
 from jointz.kernels.statistics.mixed_model_components import (
     CellBlocks,
     ComponentsFit,
     cell_blocks,
     fit_components,
-    fit_participants,
+    fit_random_intercept,
     likelihood_ratio,
 )
 from jointz.kernels.statistics.mixed_model_groups import (
@@ -25,11 +30,7 @@ from jointz.kernels.statistics.mixed_model_groups import (
     NoErrorLeftError,
     group_variance,
 )
-from jointz.kernels.statistics.mixed_model_likelihood import (
-    satterthwaite_test,
-    sequential_contrasts,
-)
-from jointz.kernels.statistics.repeated_measures import paired_t_test, repeated_measures_anova
+from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
 from jointz.results.statistics.mixed_model_fit import (
     EffectTest,
     IntraclassCorrelation,
@@ -40,6 +41,7 @@ from jointz.results.statistics.mixed_model_fit import (
     RepeatedMeasuresTest,
     Variances,
 )
+from jointz.stats.comparison import paired_difference
 from jointz.stats.mixed_model_rows import Rows, table_rows
 
 DF_METHODS = ("kenward-roger", "satterthwaite")
@@ -156,7 +158,7 @@ def _fit(rows: Rows, response: str, *, nested: bool) -> tuple[CellBlocks, Compon
         blocks = cell_blocks(rows.design, rows.y, rows.person, cell=cell)
         if nested:
             return blocks, fit_components(blocks)
-        return blocks, fit_participants(rows.design, rows.y, rows.person)
+        return blocks, fit_random_intercept(rows.design, rows.y, rows.person)
     except ValueError as problem:
         raise DataError(f"mixed model of {response!r}: {problem}") from problem
 
@@ -301,7 +303,7 @@ def _paired_pair(first: str, a: np.ndarray, second: str, b: np.ndarray) -> Level
     both = np.isfinite(a) & np.isfinite(b)
     names, n = (first, second, "paired"), int(both.sum())
     try:
-        test = paired_t_test(a[both], b[both])
+        test = paired_difference(a[both], b[both])
     except ValueError:
         # Fewer than two pairs, or all differ alike: there is no error to compare with.
         mean = float((a[both] - b[both]).mean()) if n else None

@@ -5,7 +5,7 @@ pulse is a random factor.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,8 @@ from scipy.special import stdtrit
 
 from jointz.core.errors import DataError
 from jointz.kernels.statistics.anova import FTest, holm, one_way_anova
-from jointz.kernels.statistics.mixed_model_likelihood import (
-    RandomInterceptFit,
-    fit_random_intercept,
-    satterthwaite_test,
-)
+from jointz.kernels.statistics.kenward_roger import satterthwaite_test
+from jointz.kernels.statistics.mixed_model_components import ComponentsFit, fit_random_intercept
 from jointz.results.statistics.pulse_effect_tests import (
     PulseEffects,
     PulseMeans,
@@ -213,7 +210,7 @@ def _independent(columns: list[np.ndarray]) -> tuple[np.ndarray, ...]:
     return tuple(kept[1:])
 
 
-def _fit(pulses: _Pulses, model: _Model) -> tuple[RandomInterceptFit | None, Undecided | None]:
+def _fit(pulses: _Pulses, model: _Model) -> tuple[ComponentsFit | None, Undecided | None]:
     if pulses.estimates.size <= len(model.columns) + 1:
         return None, Undecided.TOO_FEW_PULSES
     design = np.column_stack([np.ones_like(pulses.estimates), *model.columns])
@@ -254,7 +251,7 @@ def _one_way_tests(pulses: _Pulses) -> Iterator[PulseTest]:
 def _mixed_tests(
     pulses: _Pulses,
     model: _Model,
-    fit: RandomInterceptFit | None,
+    fit: ComponentsFit | None,
     failure: Undecided | None,
     alpha: float,
 ) -> Iterator[PulseTest]:
@@ -277,7 +274,7 @@ def _mixed_tests(
             yield _decided(blank, satterthwaite_test(fit, np.eye(fit.beta.size)[1:]))
 
 
-def _single(blank: PulseTest, fit: RandomInterceptFit, k: int, alpha: float) -> PulseTest:
+def _single(blank: PulseTest, fit: ComponentsFit, k: int, alpha: float) -> PulseTest:
     test = satterthwaite_test(fit, np.eye(fit.beta.size)[k])
     decided = _decided(blank, test)
     if blank.effect == "type:direction":
@@ -305,18 +302,11 @@ def _undecided(pulses: _Pulses, effect: str, analysis: str) -> PulseTest:
 
 
 def _decided(blank: PulseTest, test: FTest) -> PulseTest:
-    return replace(
-        blank,
-        statistic=finite_or_none(test.statistic),
-        df_num=test.df_num,
-        df_den=test.df_den,
-        p=test.p,
-        status="ok",
-        code="",
-    )
+    numbers = asdict(test) | {"statistic": finite_or_none(test.statistic)}
+    return replace(blank, **numbers, status="ok", code="")
 
 
-def _means(pulses: _Pulses, fit: RandomInterceptFit | None) -> PulseMeans:
+def _means(pulses: _Pulses, fit: ComponentsFit | None) -> PulseMeans:
     def mean(which: np.ndarray) -> float | None:
         return float(pulses.estimates[which].mean()) if which.any() else None
 
@@ -330,8 +320,8 @@ def _means(pulses: _Pulses, fit: RandomInterceptFit | None) -> PulseMeans:
         against=mean(pulses.along < 0),
         n_used=pulses.estimates.size,
         n_excluded=pulses.n_excluded,
-        trial_sd=None if fit is None else float(np.sqrt(fit.variance_group)),
-        residual_sd=None if fit is None else float(np.sqrt(fit.variance_residual)),
+        trial_sd=None if fit is None else float(np.sqrt(fit.variances[0])),
+        residual_sd=None if fit is None else float(np.sqrt(fit.variances[1])),
         confounding=_correlation(pulses),
     )
 

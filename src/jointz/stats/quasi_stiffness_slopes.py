@@ -9,7 +9,7 @@ from math import ceil, isfinite, pi, radians
 from typing import Literal
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
+from scipy.special import stdtrit
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS, phase_name
@@ -23,6 +23,7 @@ from jointz.results.statistics.quasi_stiffness_fit import (
     QuasiStiffnessDoubt,
     QuasiStiffnessEstimate,
 )
+from jointz.stats.comparison import NoSpreadError, group_difference
 
 #: Share of backward travel from which the angle counts as turning.
 TURNS_FROM = 0.2
@@ -341,21 +342,26 @@ def compare_quasi_stiffness(
     _check_comparison(quasi_stiffness, stiffness, alpha)
     q = np.array([quasi_stiffness[point] for point in stiffness], dtype=float)
     k = np.array([stiffness[point] for point in stiffness], dtype=float)
-    difference, error, df = _welch(q, k)
-    statistic = difference / error
-    half = float(stdtrit(df, 1.0 - alpha / 2.0)) * error
+    try:
+        test = group_difference(q, k)
+    except NoSpreadError as exc:
+        raise DataError(
+            "compare_quasi_stiffness: expected values that vary over the timing points; all are "
+            "equal within each kind"
+        ) from exc
+    half = float(stdtrit(test.df, 1.0 - alpha / 2.0)) * test.se
     return QuasiStiffnessComparison(
         points=tuple(
             ComparedPoint(name, one, other, 100.0 * (one - other) / other if other else None)
             for name, one, other in zip(stiffness, q.tolist(), k.tolist(), strict=True)
         ),
         unit=unit,
-        statistic=statistic,
-        df=df,
-        p=float(2.0 * stdtr(df, -abs(statistic))),
-        difference=difference,
-        ci_low=difference - half,
-        ci_high=difference + half,
+        statistic=test.t,
+        df=test.df,
+        p=test.p,
+        difference=test.difference,
+        ci_low=test.difference - half,
+        ci_high=test.difference + half,
         n=q.size,
         alpha=alpha,
         notes=(
@@ -388,16 +394,3 @@ def _check_comparison(
                 f"compare_quasi_stiffness: {name} must be finite, got {broken}. Drop these timing "
                 "points from both"
             )
-
-
-def _welch(one: np.ndarray, other: np.ndarray) -> tuple[float, float, float]:
-    """Return difference of the means, its standard error, and Welch's degrees of freedom."""
-    errors = np.array([one.var(ddof=1) / one.size, other.var(ddof=1) / other.size])
-    total = float(errors.sum())
-    if total == 0.0:
-        raise DataError(
-            "compare_quasi_stiffness: expected values that vary over the timing points; all are "
-            "equal within each kind"
-        )
-    df = total**2 / float((errors**2 / (np.array([one.size, other.size]) - 1)).sum())
-    return float(one.mean() - other.mean()), total**0.5, df

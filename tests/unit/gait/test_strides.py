@@ -74,13 +74,6 @@ def test_a_short_gap_is_reported_and_leaves_the_stride_accepted():
     assert found.detail[2] == "gap of 0.140 s"
 
 
-def test_the_gap_tolerance_can_be_given():
-    gaps = np.array([[2.2, 2.34]])
-    assert find_strides(strikes(*[1.0] * 6), gaps, gap_tolerance_s=0.1).code[2] == "gap"
-    assert find_strides(strikes(*[1.0] * 6), gaps, gap_tolerance_s=0.0).code[2] == "gap"
-    assert find_strides(strikes(*[1.0] * 6), NO_GAPS, gap_tolerance_s=0.0).accepted.all()
-
-
 @pytest.mark.parametrize(
     ("start_s", "touched"), [(0.9, [True, True, False]), (1.0, [False, True, False])]
 )

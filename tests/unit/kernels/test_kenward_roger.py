@@ -6,7 +6,7 @@ import pytest
 from jointz.kernels.statistics.kenward_roger import (
     kenward_roger_test,
 )
-from jointz.kernels.statistics.mixed_model_components import fit_participants
+from jointz.kernels.statistics.mixed_model_components import fit_random_intercept
 
 
 def complete(seed, people=6, levels=4, person_sd=2.0):
@@ -21,7 +21,7 @@ def complete(seed, people=6, levels=4, person_sd=2.0):
 
 def test_contrasts_that_depend_on_each_other_are_refused():
     _, X, y, person = complete(7)
-    fit = fit_participants(X, y, person)
+    fit = fit_random_intercept(X, y, person)
 
     with pytest.raises(ValueError, match="do not depend on each other"):
         kenward_roger_test(fit, np.array([[0.0, 1, -1, 0], [0, 0, 1, -1], [0, 1, 0, -1]]))

@@ -195,6 +195,12 @@ def test_the_error_of_a_shared_gain_does_not_average_out(folder):
     assert added.tolist() == pytest.approx((0.01 * plain["value"] ** 2).tolist())
 
 
+def test_people_alike_by_chance_gain_no_more_weight_than_their_own_errors_allow(folder):
+    table = estimates((60.0, 60.1, 59.9)).query("parameter == 'stiffness'")
+    (study,) = jointz.pool([folder("alike", table.assign(ci_low=50.0, ci_high=70.0))]).studies["se"]
+    assert study == pytest.approx(10.0 / 1.959964 / np.sqrt(3.0), rel=1e-6)
+
+
 # --- conditions ----------------------------------------------------------------------------------
 
 

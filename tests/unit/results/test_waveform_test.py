@@ -64,11 +64,7 @@ def test_equivalent_is_a_band_inside_the_margin_at_every_node(margin, nodes, ver
     assert test.to_frame()["equivalent"].sum() == nodes
 
 
-def test_tables_have_a_row_a_node_and_a_row_a_cluster():
+def test_tables_have_a_row_a_node():
     test = made()
     assert test.to_frame()["node"].tolist() == [0, 1, 2, 3]
     assert test.to_frame()["different"].tolist() == list(test.different)
-    clusters = test.clusters_frame()
-    assert clusters.loc[0, "extent_nodes"] == pytest.approx(0.2917)
-    assert clusters.loc[0, "peak_node"] == 2
-    assert list(nothing_found().clusters_frame()) == list(clusters)

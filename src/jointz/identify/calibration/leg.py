@@ -44,20 +44,12 @@ _RIDGE = 1e-8
 _STRENGTHS = np.geomspace(1.0, 1e4, 25)
 
 
-def steady_covariance(sample: np.ndarray) -> np.ndarray:
-    """Return the covariance of an autoregressive process that changes slowly.
+def _steady_root(sample: np.ndarray) -> np.ndarray:
+    """Return the lower triangle R of the covariance R R' of a slowly changing autoregression.
 
-    ``sample`` (n, n): of any rank. Returns L D L' with the inverse of L banded and its neighbouring
+    ``sample`` (n, n): of any rank. R R' is L D L' with the inverse of L banded and its neighbouring
     rows alike: modified Cholesky decomposition (Pourahmadi 1999, Biometrika 86, 677), coefficients
     and variances averaged over neighbouring times; a sample is predicted from up to 12 before it.
-    """
-    root = _steady_root(sample)
-    return np.asarray(root @ root.T)
-
-
-def _steady_root(sample: np.ndarray) -> np.ndarray:
-    """Return the lower triangle whose product with itself is the steady covariance.
-
     The covariance of a record without noise is nearly singular: it cannot be factored again.
     """
     n = len(sample)
@@ -79,8 +71,8 @@ def shrunk_covariance(sample: np.ndarray, count: int) -> np.ndarray:
     """Return a covariance between the sample's and a steady one, by their evidence.
 
     ``sample`` (n, n) from ``count`` independent realisations. Returns the mean of the posterior
-    under an inverse Wishart prior about :func:`steady_covariance`. Chen 1979, Journal of the Royal
-    Statistical Society B 41, 235.
+    under an inverse Wishart prior about that of :func:`_steady_root`. Chen 1979, Journal of the
+    Royal Statistical Society B 41, 235.
     """
     if count < 2:
         raise ValueError(f"shrunk_covariance: expected two realisations or more, got {count}.")

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from jointz.gait.timestamps import rate_hz
 from jointz.identify.preparation.pulses import pulses_from_table, runs_of
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, Source
-from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
+from jointz.kernels.filtering import SHORTEST_RECORD, lowpass_zero_phase
 
 #: Slopes outside of the first limits are doubted; those outside of the second are refused.
 DOUBTED, REFUSED = (0.85, 1.15), (0.7, 1.4)
@@ -93,7 +93,7 @@ def pulse_slope(source: Source, gain: float = 1.0) -> CommandSlope | None:
 
 def record_slope(torque: np.ndarray, command: np.ndarray, rate_hz: float) -> CommandSlope | None:
     """Return the slope over blocks of a record, None if it is too short."""
-    if command.size <= max(shortest_record(), _BLOCKS):
+    if command.size <= max(SHORTEST_RECORD, _BLOCKS):
         return None
     size, cutoff_hz = command.size // _BLOCKS, min(_CUTOFF_HZ, 0.4 * rate_hz)
     both = lowpass_zero_phase(np.stack([torque, command]), cutoff_hz=cutoff_hz, rate_hz=rate_hz)

@@ -18,7 +18,7 @@ from jointz.core.study import CalibrationSpec, TorqueModelSpec
 from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
 from jointz.identify.preparation.calibration import joint_angle, value_of
 from jointz.kernels.derivatives import derivative
-from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
+from jointz.kernels.filtering import SHORTEST_RECORD, lowpass_zero_phase
 
 #: Rows of a stretch's signals.
 ANGLE, VELOCITY, ACCELERATION, TORQUE = range(4)
@@ -124,7 +124,7 @@ def condition(
     runs = [
         _stretch(time[part], raw[:, part], cutoff_hz=cutoff_hz, lags_s=lags, rates_hz=rates_hz)
         for part in stretches(time, np.isfinite(raw).all(axis=0))
-        if part.stop - part.start > shortest_record()
+        if part.stop - part.start > SHORTEST_RECORD
     ]
     return Conditioned(
         stretches=tuple(runs),
@@ -182,7 +182,7 @@ def _derivative(
     rate = rate_hz(time)
     result = np.full_like(values, np.nan)
     for part in stretches(time, np.isfinite(values)):
-        if part.stop - part.start > shortest_record():
+        if part.stop - part.start > SHORTEST_RECORD:
             run = values[part]
             if cutoff_hz is not None:
                 run = lowpass_zero_phase(run, cutoff_hz=cutoff_hz, rate_hz=rate)

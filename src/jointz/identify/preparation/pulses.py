@@ -10,7 +10,7 @@ from scipy.signal import find_peaks
 
 from jointz.gait.timestamps import rate_hz, stretches
 from jointz.kernels.derivatives import derivative
-from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
+from jointz.kernels.filtering import SHORTEST_RECORD, lowpass_zero_phase
 from jointz.kernels.levels import joined_runs, middle_of_levels
 
 #: A command above this share of its largest value is a pulse.
@@ -124,7 +124,7 @@ def pulses_from_angle(recording: xr.Dataset, *, cutoff_hz: float) -> tuple[Pulse
     longest = round((_RISE_S + _SMEAR_PERIODS / cutoff_hz) * rate)
     steps: list[Pulse] = []
     for part in stretches(time, np.isfinite(angle)):
-        if part.stop - part.start > shortest_record():
+        if part.stop - part.start > SHORTEST_RECORD:
             smooth = lowpass_zero_phase(angle[part], cutoff_hz=cutoff_hz, rate_hz=rate)
             speed = derivative(smooth, rate_hz=rate)
             steps += _steps(time[part], angle[part], speed, rate_hz=rate, longest=longest)

@@ -13,7 +13,7 @@ from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedanc
 from jointz.identify.preparation.conditioning import Conditioned, Stretch
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, Source
 from jointz.kernels.derivatives import derivative
-from jointz.kernels.filtering import shortest_record
+from jointz.kernels.filtering import SHORTEST_RECORD
 
 #: Rows of the signals: angle, torque without friction, what friction adds, commanded torque.
 RAW_ANGLE, DRIVING, FRICTION, COMMAND = range(4)
@@ -54,7 +54,7 @@ def raw_signals(
     every = max(1, round(rate / new_rate))
     runs = []
     for part in stretches(time, np.isfinite(np.delete(rows, COMMAND, axis=0)).all(axis=0)):
-        if part.stop - part.start < max(2 * every, shortest_record()):
+        if part.stop - part.start < max(2 * every, SHORTEST_RECORD):
             continue
         even, signals = resample_stretch(time[part], rows[:, part], step_s=1.0 / rate)
         runs.append(_at_rate(_averaged(even, signals, every), rate / every, new_rate))
@@ -128,7 +128,7 @@ def _intrinsic_torque(source: Source) -> np.ndarray:
         return torque
     values = recording[name].to_numpy()
     for part in stretches(time, np.isfinite(values)):
-        if part.stop - part.start < shortest_record():
+        if part.stop - part.start < SHORTEST_RECORD:
             torque[part] = np.nan
             continue
         rate = rate_hz(time[part])

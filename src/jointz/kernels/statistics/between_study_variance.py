@@ -21,31 +21,26 @@ _XTOL, _RTOL = 1e-300, 8.9e-16
 class RandomEffectsFit:
     """Mean and spread over studies of one outcome.
 
-    ``mean``, ``se``, ``df``, ``low``, ``high``: mean over studies, its standard error with the
-    scale of Knapp and Hartung, degrees of freedom and ends of the interval; ``prediction_low``,
-    ``prediction_high``: ends of the interval of the true value of one more study; ``tau2``,
-    ``tau2_se``, ``tau2_low``, ``tau2_high``: variance between studies, its standard error and ends
-    of its interval (Q-profile); ``i2_pct``: I^2 of Higgins and Thompson, %; ``q``, ``q_p``:
-    Cochran's Q and its p; ``scale``: of Knapp and Hartung; ``log_likelihood``: restricted;
-    ``weights`` (k,): shares of the studies in the mean.
+    ``mean``, ``se``, ``low``, ``high``: mean over studies, its standard error with the scale of
+    Knapp and Hartung, and ends of the interval; ``prediction_low``, ``prediction_high``: ends of
+    the interval of the true value of one more study; ``tau2``, ``tau2_low``, ``tau2_high``:
+    variance between studies and ends of its interval (Q-profile); ``i2_pct``: I^2 of Higgins and
+    Thompson, %; ``q``, ``q_p``: Cochran's Q and its p; ``weights`` (k,): shares of the studies in
+    the mean.
     """
 
     mean: float
     se: float
-    df: float
     low: float
     high: float
     prediction_low: float
     prediction_high: float
     tau2: float
-    tau2_se: float
     tau2_low: float
     tau2_high: float
     i2_pct: float
     q: float
     q_p: float
-    scale: float
-    log_likelihood: float
     weights: np.ndarray
 
 
@@ -78,20 +73,16 @@ def random_effects(
     return RandomEffectsFit(
         mean=mean * unit,
         se=se * unit,
-        df=float(y.size - 1),
         low=(mean - reach * se) * unit,
         high=(mean + reach * se) * unit,
         prediction_low=(mean - wide) * unit,
         prediction_high=(mean + wide) * unit,
         tau2=tau2 * unit**2,
-        tau2_se=float(np.sqrt(2.0 / _trace_pp(w))) * unit**2,
         tau2_low=tau2_low * unit**2,
         tau2_high=tau2_high * unit**2,
         i2_pct=100.0 * tau2 / (tau2 + typical),
         q=q,
         q_p=float(chdtrc(y.size - 1, q)),
-        scale=scale,
-        log_likelihood=_likelihood(y, v, tau2) - (y.size - 1) * float(np.log(unit)),
         weights=w / w.sum(),
     )
 
@@ -108,11 +99,6 @@ def _check_one(y: np.ndarray, v: np.ndarray, level: float) -> None:
 
 def _trace_p(w: np.ndarray) -> float:
     return float(w.sum() - (w**2).sum() / w.sum())
-
-
-def _trace_pp(w: np.ndarray) -> float:
-    total = w.sum()
-    return float((w**2).sum() - 2.0 * (w**3).sum() / total + ((w**2).sum() / total) ** 2)
 
 
 def _q(y: np.ndarray, v: np.ndarray, tau2: float) -> float:

@@ -1,4 +1,4 @@
-"""Tests of fixed effects after Kenward and Roger, and single contrasts by either method."""
+"""Tests of fixed effects after Kenward and Roger or Satterthwaite."""
 
 from dataclasses import dataclass
 
@@ -81,6 +81,50 @@ def _denominator_df(A1: float, A2: float, q: int) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         rho = share**2 * np.divide(V0, V2) / q
         return float(4.0 + np.divide(q + 2, q * rho - 1.0))
+
+
+def satterthwaite_test(fit: ComponentsFit, contrast: np.ndarray) -> FTest:
+    """Return the F test that contrasts of the fixed effects are 0.
+
+    ``contrast`` (q, p): one row a contrast; ``df_num`` is their rank. As ``contestMD`` of lmerTest
+    (Kuznetsova et al. 2017, doi:10.18637/jss.v082.i13): the contrasts are rotated to be
+    uncorrelated, each has 2 v^2 / var(v) degrees of freedom, and the F of them together gets the df
+    whose mean matches.
+    """
+    L = np.atleast_2d(np.asarray(contrast, dtype=float))
+    if L.shape[1] != fit.beta.size:
+        raise ValueError(
+            f"satterthwaite_test: expected contrasts of {fit.beta.size} effects, got {L.shape[1]}"
+        )
+    variance, rotation = np.linalg.eigh(L @ fit.covariance @ L.T)
+    kept = variance > 1e-8 * variance.max()
+    if not kept.any():
+        raise ValueError("satterthwaite_test: expected a contrast that is not 0 everywhere")
+    variance, L = variance[kept], rotation[:, kept].T @ L
+    f = float(np.mean((L @ fit.beta) ** 2 / variance))
+    gradient = np.einsum("qp,vpr,qr->qv", L, fit.covariance_gradient, L)
+    spread = np.einsum("qv,vw,qw->q", gradient, fit.variance_covariance, gradient)
+    df_num, df_den = float(variance.size), _joint_df(2.0 * variance**2 / spread)
+    return FTest(f, df_num, df_den, float(fdtrc(df_num, df_den, f)))
+
+
+def sequential_contrasts(design: np.ndarray) -> np.ndarray:
+    """Return the basis in which lmerTest tests the effects after the first.
+
+    ``design`` (n, p): columns of the fixed effects, the intercept first. Returns (p - 1, p): rows
+    of the unit upper triangle of the Doolittle factors of ``X'X``.
+    """
+    lower = np.linalg.cholesky(design.T @ design)
+    return np.asarray((lower / np.diag(lower)).T[1:])
+
+
+def _joint_df(df: np.ndarray) -> float:
+    if np.ptp(df) < 1e-8:
+        return float(df.mean())
+    if (df <= 2.0).any():
+        return 2.0
+    expected = float((df / (df - 2.0)).sum())
+    return 2.0 * expected / (expected - df.size)
 
 
 def single_contrasts(fit: ComponentsFit, contrast: np.ndarray, *, kenward_roger: bool) -> Contrasts:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.kernels.statistics.mixed_model_likelihood import fit_random_intercept
+from jointz.kernels.statistics.mixed_model_likelihood import random_intercept_variances
 
 #: Steps of the scoring, and halvings of one step, before giving up.
 _MOST_STEPS = 200
@@ -241,17 +241,18 @@ def _shortened(blocks: CellBlocks, fit: ComponentsFit, step: np.ndarray) -> Comp
     return fit
 
 
-def fit_participants(
-    design: np.ndarray, response: np.ndarray, participant: np.ndarray
+def fit_random_intercept(
+    design: np.ndarray, response: np.ndarray, group: np.ndarray
 ) -> ComponentsFit:
-    """Fit fixed effects and a random intercept of participants, with all that tests need.
+    """Fit fixed effects and one random intercept by restricted maximum likelihood.
 
-    Arguments as in :func:`jointz.kernels.statistics.mixed_model_likelihood.fit_random_intercept`.
+    ``design`` (n, p): with the intercept; ``response``, ``group`` (n,), such as the participant of
+    a row, or the trial of a pulse. Agrees with lme4 (Bates et al. 2015, doi:10.18637/jss.v067.i01).
+    Misleads with random slopes, and is somewhat liberal with few groups and a variance at 0.
     """
-    known = fit_random_intercept(design, response, participant)
-    blocks = cell_blocks(design, response, participant, cell=None)
-    variances = np.array([known.variance_group, known.variance_residual])
-    return evaluate_components(blocks, variances)
+    variances = random_intercept_variances(design, response, group)
+    owner = np.unique(group, return_inverse=True)[1]
+    return evaluate_components(cell_blocks(design, response, owner, cell=None), variances)
 
 
 def likelihood_ratio(blocks: CellBlocks, fit: ComponentsFit, component: int) -> float:

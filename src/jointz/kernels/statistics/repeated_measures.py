@@ -1,9 +1,9 @@
-"""Repeated-measures analysis of variance of a complete table, and paired t tests."""
+"""Repeated-measures analysis of variance of a complete table."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc, stdtr
+from scipy.special import fdtrc
 
 from jointz.kernels.statistics.anova import FTest
 
@@ -54,33 +54,3 @@ def repeated_measures_anova(values: np.ndarray) -> RepeatedMeasures:
         epsilon=epsilon,
         p_epsilon=float(fdtrc(epsilon * df_num, epsilon * df_den, f)),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class PairedT:
-    """A paired t test.
-
-    ``difference``, ``se``: mean difference and its standard error; ``df``, ``t``, two-sided ``p``.
-    """
-
-    difference: float
-    se: float
-    df: float
-    t: float
-    p: float
-
-
-def paired_t_test(first: np.ndarray, second: np.ndarray) -> PairedT:
-    """Return the paired t test of first minus second.
-
-    ``first``, ``second`` (n,): finite values of the same participants.
-    """
-    d = np.asarray(first, dtype=float) - np.asarray(second, dtype=float)
-    if d.size < 2 or not np.isfinite(d).all():
-        raise ValueError(f"paired_t_test: expected two finite pairs at least, got {d.size}")
-    mean, df = float(d.mean()), float(d.size - 1)
-    se = float(d.std(ddof=1) / np.sqrt(d.size))
-    if se <= 1e-14 * float(np.abs(d).max()):
-        raise ValueError("paired_t_test: expected differences that vary, all are the same")
-    t = mean / se
-    return PairedT(mean, se, df, t, float(2.0 * stdtr(df, -abs(t))))

@@ -9,6 +9,9 @@ import pandas as pd
 from jointz.results.base import Axes, PlottedResult, summary_text
 from jointz.results.series.frequency_response_curve import INK, MODEL, ResponseCurve, draw_gain
 
+#: Fields that the table has beside the bandwidth and its interval.
+_COLUMNS = "ci_level", "status", "resolution_hz", "coherence", "reference_gain", "drop_db", "method"
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class BandwidthFit(PlottedResult):
@@ -88,15 +91,8 @@ class BandwidthFit(PlottedResult):
             "unit": "Hz",
             "ci_low": self.ci_low_hz,
             "ci_high": self.ci_high_hz,
-            "ci_level": self.ci_level,
-            "status": self.status,
-            "resolution_hz": self.resolution_hz,
-            "coherence": self.coherence,
-            "reference_gain": self.reference_gain,
-            "drop_db": self.drop_db,
-            "method": self.method,
         }
-        return pd.DataFrame([row])
+        return pd.DataFrame([row | {name: getattr(self, name) for name in _COLUMNS}])
 
     def summary(self) -> str:
         """Return a short text: the bandwidth, its interval, the resolution, warnings."""

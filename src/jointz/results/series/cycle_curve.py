@@ -97,16 +97,6 @@ class PhaseCurve(Result):
         ]
         return pd.DataFrame(rows, columns=columns).assign(ci_level=self.ci_level)
 
-    def points_frame(self) -> pd.DataFrame:
-        """Return one row for each estimate behind a curve."""
-        names = list(CurvePoint.__slots__)
-        rows = [
-            (band.participant, band.parameter, *(getattr(point, name) for name in names))
-            for band in self.bands
-            for point in band.points
-        ]
-        return pd.DataFrame(rows, columns=["participant", "parameter", *names])
-
     def summary(self) -> str:
         """Return a short text: range and width of every curve."""
         title = (

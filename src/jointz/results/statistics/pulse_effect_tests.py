@@ -13,7 +13,6 @@ from jointz.results.base import (
     Axes,
     PlottedResult,
     Result,
-    columns_with,
     record_frame,
     summary_text,
 )
@@ -191,14 +190,6 @@ class PulseEffects(PlottedResult):
     def to_frame(self) -> pd.DataFrame:
         """Return the tests as a table, one row a test."""
         return record_frame(self.tests, PulseTest.__slots__)
-
-    def means_frame(self) -> pd.DataFrame:
-        """Return the means as a table, one row a case, trajectory and parameter."""
-        return record_frame(self.means, PulseMeans.__slots__)
-
-    def counts_frame(self) -> pd.DataFrame:
-        """Return the counts as a table, with their share in percent."""
-        return record_frame(self.counts, columns_with(PulseCount, "share_pct", after="of"))
 
     def summary(self) -> str:
         """Return a short text: the counts of both analyses, and the notes."""

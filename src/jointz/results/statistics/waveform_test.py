@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import Axes, PlottedResult, columns_with, record_frame, summary_text
+from jointz.results.base import Axes, PlottedResult, summary_text
 
 _CURVES = ("t", "difference", "ci_low", "ci_high", "p")
 _TITLES = {"random_field": "Statistical parametric mapping", "sign_flip": "Sign-flip max-t test"}
@@ -25,11 +25,6 @@ class WaveformCluster:
     # two-tailed. Random fields: probability of a cluster as wide anywhere on the curve. Sign flips:
     # probability of a t as far from zero anywhere on the curve
     p: float
-
-    @property
-    def extent_nodes(self) -> float:
-        """Width in nodes."""
-        return self.end_node - self.start_node
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -154,10 +149,6 @@ class WaveformTest(PlottedResult):
         if self.equivalent is not None:
             table["equivalent"] = list(self.equivalent)
         return table
-
-    def clusters_frame(self) -> pd.DataFrame:
-        """Return one row a cluster."""
-        return record_frame(self.clusters, columns_with(WaveformCluster, "extent_nodes", after="p"))
 
     def summary(self) -> str:
         """Return a short text: threshold, clusters, what differences are left open."""

@@ -103,15 +103,12 @@ class Device(Protocol):
     @property
     def state(self) -> Lifecycle:
         """State of the device in its lifecycle."""
-        ...
 
     def configure(self) -> None:
         """Connect and set up; afterwards ``INACTIVE``."""
-        ...
 
     def activate(self) -> None:
         """Begin to sample and, for an actuator, to obey; afterwards ``ACTIVE``."""
-        ...
 
     def stop(self) -> None:
         """Go to zero torque and ``INACTIVE``, whatever the state; never raises.
@@ -121,11 +118,9 @@ class Device(Protocol):
         ``stop_confirmed``; where that is False afterwards, the session ends with "could not be
         stopped".
         """
-        ...
 
     def close(self) -> None:
         """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        ...
 
 
 @runtime_checkable
@@ -134,15 +129,12 @@ class Actuator(Device, Protocol):
 
     def describe(self) -> ActuatorDescription:
         """Return the description of the actuator, in any state."""
-        ...
 
     def read(self) -> list[ActuatorSample]:
         """Return all samples queued since the last read, oldest first; empty when none came."""
-        ...
 
     def command_torque(self, torque_nm: float) -> None:
         """Command a torque on the joint, held until the next command or the command timeout."""
-        ...
 
 
 @runtime_checkable
@@ -151,11 +143,9 @@ class Sensor(Device, Protocol):
 
     def describe(self) -> SensorDescription:
         """Return the description of the sensor, in any state."""
-        ...
 
     def read(self) -> list[SensorSample]:
         """Return all samples queued since the last read, oldest first; empty when none came."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,15 +178,12 @@ class Positioner(Device, Protocol):
 
     def describe(self) -> PositionerDescription:
         """Return the description of the positioner, in any state."""
-        ...
 
     def read(self) -> list[SensorSample]:
         """Return all angles (rad) queued since the last read, oldest first."""
-        ...
 
     def command_position(self, angle_rad: float) -> None:
         """Command an angle of the output, held until the next command."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,22 +256,17 @@ class Rig(Protocol):
     @property
     def wearer(self) -> Wearer:
         """The participant."""
-        ...
 
     @property
     def calibration(self) -> CalibrationSpec:
         """Calibration of this participant's instruments."""
-        ...
 
     @property
     def device(self) -> DeviceSpec | None:
         """The mass on the moving segment beyond the measured torque; None if unknown."""
-        ...
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
         """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition."""
-        ...
 
     def notes(self) -> Mapping[str, Any]:
         """Return what else should stand in the session's description of the devices."""
-        ...

@@ -38,15 +38,12 @@ class Polling(Protocol):
 
     def begin(self) -> None:
         """Call from now on."""
-        ...
 
     def wake(self) -> None:
         """Call soon, without a sample; returns at once."""
-        ...
 
     def end(self) -> bool:
         """Call no more and tell whether the last call has returned."""
-        ...
 
 
 class PollingThread:

@@ -13,7 +13,6 @@ class Repeating(Protocol):
 
     def cancel(self) -> None:
         """Stop repeating; never blocks, may be called twice."""
-        ...
 
 
 #: Begins to repeat a task with a period (s); handed in, so that tests need no thread.

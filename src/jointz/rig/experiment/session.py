@@ -79,7 +79,6 @@ class Operator(Protocol):
 
     def prompt(self, text: str) -> None:
         """Show what is to be done before a condition and return when it is."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

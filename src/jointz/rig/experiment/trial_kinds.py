@@ -54,23 +54,18 @@ class AnyTrial(Protocol):
     @property
     def tick(self) -> Callable[[int, int, int], bool]:
         """Called in every slot; False when the trial is over."""
-        ...
 
     def request_stop(self) -> None:
         """End the trial soon; torque is faded out first."""
-        ...
 
     def pause(self, *, on: bool) -> bool:
         """Begin no more pulses, or go on with them; False where there is nothing to pause."""
-        ...
 
     def set_parameter(self, name: str, value: float) -> str:
         """Change a parameter of a controller; return why it is refused, "" if it is not."""
-        ...
 
     def undo_parameter(self) -> str:
         """Take back the last change of a parameter; return why not, "" if it was."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

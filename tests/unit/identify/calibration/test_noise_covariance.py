@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.identify.calibration.leg import shrunk_covariance, steady_covariance
+from jointz.identify.calibration.leg import shrunk_covariance
 
 N = 54
 T = np.arange(N)
@@ -28,12 +28,6 @@ def errors(covariance: np.ndarray, used: np.ndarray, shape: np.ndarray) -> tuple
     weight = np.linalg.solve(used, shape)
     weight /= weight @ shape
     return float(weight @ used @ weight), float(weight @ covariance @ weight)
-
-
-@pytest.mark.parametrize("rho", [0.0, 0.5, 0.95])
-def test_an_autoregressive_process_is_its_own_steady_covariance(rho):
-    true = 3.0 * rho**APART
-    assert steady_covariance(true) == pytest.approx(true, abs=1e-5)
 
 
 @pytest.mark.parametrize("count", [3, 12, 900])

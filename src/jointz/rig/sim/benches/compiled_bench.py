@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from enum import IntEnum
 from math import nan
 from typing import Any, ClassVar
@@ -52,9 +53,14 @@ class CompiledBench(ABC):
         self._rng.standard_normal(out=self._noise)
 
 
-def packed(values: Mapping[Any, float], places: type[IntEnum]) -> np.ndarray:
-    """Return constants in the order in which the compiled physics takes them."""
-    return np.array([values[place] for place in places])
+def packed(places: type[IntEnum], derived: Mapping[Any, float], *parts: Any) -> np.ndarray:
+    """Return constants in the order in which the compiled physics takes them.
+
+    A place without a derived value holds the field of that name of one of the parts.
+    """
+    stated = {f.name.upper(): getattr(part, f.name) for part in parts for f in fields(part)}
+    values = (derived[at] if at in derived else stated[at.name] for at in places)
+    return np.array([*values], dtype=float)
 
 
 def check_rate(bench: str, sample_rate_hz: float) -> None:

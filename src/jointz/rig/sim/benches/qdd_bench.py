@@ -131,9 +131,9 @@ class QddParam(IntEnum):
     CURRENT_MAX_A = 4
     COMMAND_DELAY = 5  # substeps
     CURRENT_RATE = 6  # 1 / time constant
-    COULOMB = 7
+    COULOMB_FRICTION = 7
     GEAR_FRICTION = 8
-    ASYMMETRY = 9
+    FRICTION_ASYMMETRY = 9
     SIGN_RATE = 10
     ROTOR_MOBILITY = 11  # 1 / inertia
     SPRING = 12
@@ -144,18 +144,18 @@ class QddParam(IntEnum):
     LOCKED = 17
     COGGING_NM = 18
     COGGING_PERIODS = 19
-    SENSOR_BIAS = 20
-    SENSOR_NOISE = 21
+    SENSOR_BIAS_NM = 20
+    SENSOR_NOISE_NM = 21
     SENSOR_GAIN = 22
-    ENCODER_STEP = 23
-    VELOCITY_NOISE = 24
-    CURRENT_NOISE = 25
+    ENCODER_STEP_RAD = 23
+    VELOCITY_NOISE_RAD_S = 24
+    CURRENT_NOISE_A = 25
     SUPPLY_V = 26
-    COGGING_PHASE = 27
+    RIPPLE_PHASE_RAD = 27
     SENSOR_LAG_S = 28
-    HYSTERESIS_NM = 29
+    SPRING_HYSTERESIS_NM = 29
     HYSTERESIS_PER_RAD = 30
-    JITTER_S = 31
+    CLOCK_JITTER_S = 31
 
 
 class QddState(IntEnum):
@@ -197,17 +197,13 @@ def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -
         )
     stated = machine.gear_ratio * machine.torque_constant
     servo = 2.0 * np.pi * machine.far_hz
-    values = {
+    derived = {
         QddParam.PERIOD_S: 1.0 / sample_rate_hz,
         QddParam.SUBSTEPS: substeps,
         QddParam.TORQUE_PER_AMPERE: stated * (1.0 + errors.torque_constant_error),
         QddParam.AMPERE_PER_TORQUE: 1.0 / stated,
-        QddParam.CURRENT_MAX_A: machine.current_max_a,
         QddParam.COMMAND_DELAY: delay,
         QddParam.CURRENT_RATE: 1.0 / machine.time_constant_s,
-        QddParam.COULOMB: machine.coulomb_friction,
-        QddParam.GEAR_FRICTION: machine.gear_friction,
-        QddParam.ASYMMETRY: errors.friction_asymmetry,
         QddParam.SIGN_RATE: 1.0 / machine.sign_velocity_rad_s,
         QddParam.ROTOR_MOBILITY: 1.0 / (machine.rotor_inertia + load.inertia),
         QddParam.SPRING: load.stiffness,
@@ -216,22 +212,9 @@ def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -
         QddParam.FAR_STIFFNESS: machine.far_inertia * servo**2,
         QddParam.FAR_DAMPING: 2.0 * machine.far_damping * machine.far_inertia * servo,
         QddParam.LOCKED: float(load.locked),
-        QddParam.COGGING_NM: errors.cogging_nm,
-        QddParam.COGGING_PERIODS: errors.cogging_periods,
-        QddParam.COGGING_PHASE: settings.ripple_phase_rad,
-        QddParam.SENSOR_LAG_S: errors.sensor_lag_s,
-        QddParam.HYSTERESIS_NM: errors.spring_hysteresis_nm,
         QddParam.HYSTERESIS_PER_RAD: 1.0 / errors.hysteresis_rad,
-        QddParam.JITTER_S: errors.clock_jitter_s,
-        QddParam.SENSOR_BIAS: errors.sensor_bias_nm,
-        QddParam.SENSOR_NOISE: errors.sensor_noise_nm,
-        QddParam.SENSOR_GAIN: settings.sensor_gain,
-        QddParam.ENCODER_STEP: errors.encoder_step_rad,
-        QddParam.VELOCITY_NOISE: errors.velocity_noise_rad_s,
-        QddParam.CURRENT_NOISE: errors.current_noise_a,
-        QddParam.SUPPLY_V: machine.supply_v,
     }
-    return packed(values, QddParam)
+    return packed(QddParam, derived, machine, errors, settings)
 
 
 def _substeps(machine: QddMachine, load: BenchLoad, sample_rate_hz: float) -> int:

@@ -55,11 +55,11 @@ def _motor(p: np.ndarray, at: _At) -> float:
     """Return the torque of the motor at its output."""
     # tanh by one exponential: a quarter of the time of the library's.
     sign = 1.0 - 2.0 / (math.exp(2.0 * at[1] * p[QddParam.SIGN_RATE]) + 1.0)
-    friction = p[QddParam.COULOMB] + p[QddParam.GEAR_FRICTION] * abs(at[4])
-    friction *= 1.0 + p[QddParam.ASYMMETRY] * sign
+    friction = p[QddParam.COULOMB_FRICTION] + p[QddParam.GEAR_FRICTION] * abs(at[4])
+    friction *= 1.0 + p[QddParam.FRICTION_ASYMMETRY] * sign
     torque = p[QddParam.TORQUE_PER_AMPERE] * at[4] - friction * sign
     if p[QddParam.COGGING_NM] != 0.0:
-        turned = p[QddParam.COGGING_PERIODS] * at[0] + p[QddParam.COGGING_PHASE]
+        turned = p[QddParam.COGGING_PERIODS] * at[0] + p[QddParam.RIPPLE_PHASE_RAD]
         torque += p[QddParam.COGGING_NM] * math.sin(turned)
     return float(torque)
 
@@ -77,7 +77,9 @@ def _slopes(p: np.ndarray, at: _At, wanted: float, far: tuple[float, float]) -> 
         servo += p[QddParam.FAR_DAMPING] * (far[1] - at[3])
         far_acceleration = (servo + torque) * p[QddParam.FAR_MOBILITY]
     rate = at[1] - at[3]
-    slip = (p[QddParam.HYSTERESIS_NM] * rate - abs(rate) * at[5]) * p[QddParam.HYSTERESIS_PER_RAD]
+    slip = (p[QddParam.SPRING_HYSTERESIS_NM] * rate - abs(rate) * at[5]) * p[
+        QddParam.HYSTERESIS_PER_RAD
+    ]
     current = (wanted - at[4]) * p[QddParam.CURRENT_RATE]
     return at[1], acceleration, far_velocity, far_acceleration, current, slip
 
@@ -123,7 +125,7 @@ def _lagged(sensed: float, span: tuple[float, float], rate: float) -> float:
 def _late(p: np.ndarray, white: float) -> float:
     """Return how late a sample is taken, s."""
     most = JITTER_MAX * p[QddParam.PERIOD_S]
-    return float(min(max(p[QddParam.JITTER_S] * white, -most), most))
+    return float(min(max(p[QddParam.CLOCK_JITTER_S] * white, -most), most))
 
 
 @_compiled
@@ -184,16 +186,16 @@ def advance(
         s[QddState.LATE_S] = late
         s[QddState.TIME_S] = sample * p[QddParam.PERIOD_S] + late
     s[QddState.SAMPLES] = sample + 1.0
-    angle, quantum = s[QddState.ANGLE], p[QddParam.ENCODER_STEP]
+    angle, quantum = s[QddState.ANGLE], p[QddParam.ENCODER_STEP_RAD]
     if quantum > 0.0:
         angle = math.floor(angle / quantum + 0.5) * quantum
-    reading = p[QddParam.SENSOR_GAIN] * s[QddState.SENSED] + p[QddParam.SENSOR_BIAS]
+    reading = p[QddParam.SENSOR_GAIN] * s[QddState.SENSED] + p[QddParam.SENSOR_BIAS_NM]
     return (
         angle,
-        s[QddState.VELOCITY] + p[QddParam.VELOCITY_NOISE] * noise[row, 1],
-        s[QddState.CURRENT] + p[QddParam.CURRENT_NOISE] * noise[row, 2],
+        s[QddState.VELOCITY] + p[QddParam.VELOCITY_NOISE_RAD_S] * noise[row, 1],
+        s[QddState.CURRENT] + p[QddParam.CURRENT_NOISE_A] * noise[row, 2],
         p[QddParam.SUPPLY_V],
-        reading + p[QddParam.SENSOR_NOISE] * noise[row, 0],
+        reading + p[QddParam.SENSOR_NOISE_NM] * noise[row, 0],
         s[QddState.FAR_ANGLE],
     )
 
@@ -237,5 +239,5 @@ class QddBenchPlant(CompiledBench):
     def _draw(self) -> None:
         self._noise[:, :-1] = self._rng.standard_normal(self._noise[:, :-1].shape)
         # Apart from the rest: switching the jitter on leaves the other noises what they are.
-        if self._params[QddParam.JITTER_S] > 0.0:
+        if self._params[QddParam.CLOCK_JITTER_S] > 0.0:
             self._noise[:, -1] = self._jitter.standard_normal(len(self._noise))

@@ -21,7 +21,6 @@ class Motion(Protocol):
 
     def next(self) -> Stride:
         """Return the next stride; the first begins at time 0 or before it."""
-        ...
 
 
 _NOISE_ROWS = 4096

@@ -35,22 +35,22 @@ class SeaParam(IntEnum):
 
     PERIOD_S = 0
     SUBSTEPS = 1
-    STRETCH = 2
-    JITTER_S = 3
+    CLOCK_STRETCH = 2
+    CLOCK_JITTER_S = 3
     TRUE_STAMPS = 4
     TRAVEL = 5  # of the nut per radian of the rotor
-    LEVER = 6
-    BRACKET = 7
-    MEMBER = 8
+    LEVER_M = 6
+    BRACKET_M = 7
+    MEMBER_M = 8
     REST = 9  # of the nut along its line, everything at rest at the angle 0
-    BEAM = 10
-    CUBIC = 11  # k3 / k
+    BEAM_STIFFNESS = 10
+    BEAM_CUBIC_PER_M2 = 11  # k3 / k
     ROTOR_MOBILITY = 12  # 1 / inertia
     TORQUE_CONSTANT = 13
-    RESISTANCE = 14
+    RESISTANCE_OHM = 14
     SUPPLY_V = 15
     CURRENT_MAX_A = 16
-    DRIVE_FRICTION = 17
+    DRIVE_FRICTION_NM = 17
     DRIVE_DAMPING = 18
     DRIVE_BEND = 19  # squared velocity of the smooth sign
     STIFFNESS = 20  # of the output and its load together
@@ -62,16 +62,16 @@ class SeaParam(IntEnum):
     STOP_STIFFNESS = 26
     STOP_DAMPING = 27
     TORQUE_GAIN = 28
-    TORQUE_RATE_GAIN = 29
+    TORQUE_RATE_GAIN_S = 29
     POSITION_GAIN = 30
     POSITION_RATE_GAIN = 31
     LAB_GAIN = 32  # measured torque over that of the linear beam
-    LAG_S = 33
+    TORQUE_LAG_S = 33
     FILTER_RATE = 34  # rad/s, 0: none
-    TORQUE_NOISE = 35
-    ANGLE_NOISE = 36
-    LINEAR_STEP = 37
-    ROTARY_STEP = 38
+    TORQUE_NOISE_NM = 35
+    ANGLE_NOISE_RAD = 36
+    LINEAR_STEP_M = 37
+    ROTARY_STEP_RAD = 38
     AMBIENT_C = 39
     HEATING_C_A2 = 40
     THERMAL_KEEP = 41  # per sample
@@ -111,52 +111,23 @@ def pack_sea(settings: SeaSettings, load: BenchLoad, *, sample_rate_hz: float) -
     machine, control, errors = settings.machine, settings.control, settings.errors
     is_loaded = load.stiffness > 0.0 or load.damping > 0.0 or load.inertia > 0.0
     period_s = 1.0 / sample_rate_hz
-    values = {
+    derived = {
         SeaParam.PERIOD_S: period_s,
         SeaParam.SUBSTEPS: max(1, -int(-_LOWEST_PHYSICS_HZ // sample_rate_hz)),
-        SeaParam.STRETCH: errors.clock_stretch,
-        SeaParam.JITTER_S: errors.clock_jitter_s,
-        SeaParam.TRUE_STAMPS: float(errors.true_stamps),
         SeaParam.TRAVEL: machine.nut_travel_m,
-        SeaParam.LEVER: machine.lever_m,
-        SeaParam.BRACKET: machine.bracket_m,
-        SeaParam.MEMBER: machine.member_m,
         SeaParam.REST: machine.bracket_m + machine.member_m,
-        SeaParam.BEAM: machine.beam_stiffness,
-        SeaParam.CUBIC: errors.beam_cubic_per_m2,
         SeaParam.ROTOR_MOBILITY: 1.0 / machine.rotor_inertia,
-        SeaParam.TORQUE_CONSTANT: machine.torque_constant,
-        SeaParam.RESISTANCE: machine.resistance_ohm,
-        SeaParam.SUPPLY_V: machine.supply_v,
-        SeaParam.CURRENT_MAX_A: machine.current_max_a,
-        SeaParam.DRIVE_FRICTION: machine.drive_friction_nm,
-        SeaParam.DRIVE_DAMPING: machine.drive_damping,
         SeaParam.DRIVE_BEND: machine.drive_velocity_rad_s**2,
         SeaParam.STIFFNESS: machine.stiffness + load.stiffness,
         SeaParam.DAMPING: machine.damping + load.damping,
         SeaParam.MOBILITY: 0.0 if load.locked else 1.0 / (machine.inertia + load.inertia),
         SeaParam.FRICTION: errors.coulomb_friction_nm if is_loaded else 0.0,
         SeaParam.FRICTION_BEND: errors.friction_velocity_rad_s**2,
-        SeaParam.STOP_RAD: machine.stop_rad,
-        SeaParam.STOP_STIFFNESS: machine.stop_stiffness,
-        SeaParam.STOP_DAMPING: machine.stop_damping,
-        SeaParam.TORQUE_GAIN: control.torque_gain,
-        SeaParam.TORQUE_RATE_GAIN: control.torque_rate_gain_s,
-        SeaParam.POSITION_GAIN: control.position_gain,
-        SeaParam.POSITION_RATE_GAIN: control.position_rate_gain,
         SeaParam.LAB_GAIN: settings.total_torque_gain,
-        SeaParam.LAG_S: errors.torque_lag_s,
         SeaParam.FILTER_RATE: 2.0 * pi * errors.torque_filter_hz,
-        SeaParam.TORQUE_NOISE: errors.torque_noise_nm,
-        SeaParam.ANGLE_NOISE: errors.angle_noise_rad,
-        SeaParam.LINEAR_STEP: errors.linear_step_m,
-        SeaParam.ROTARY_STEP: errors.rotary_step_rad,
-        SeaParam.AMBIENT_C: machine.ambient_c,
-        SeaParam.HEATING_C_A2: machine.heating_c_a2,
         SeaParam.THERMAL_KEEP: exp(-period_s / machine.thermal_s),
-        SeaParam.TEMPERATURE_MAX_C: machine.temperature_max_c,
     }
-    return packed(values, SeaParam)
+    return packed(SeaParam, derived, machine, control, errors)
 
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
@@ -166,19 +137,19 @@ _compiled = njit(cache=True, nogil=True, error_model="numpy")
 def _beam(p: np.ndarray, nut: float, angle: float) -> tuple[float, float, float]:
     """Return deflection and its derivatives by the nut's travel and by the angle."""
     c, s = math.cos(angle), math.sin(angle)
-    lever = p[SeaParam.LEVER]
+    lever = p[SeaParam.LEVER_M]
     along = c * lever + s * nut
     across = c * nut - s * lever
     short = lever - along
-    root = math.sqrt(p[SeaParam.MEMBER] * p[SeaParam.MEMBER] - short * short)
+    root = math.sqrt(p[SeaParam.MEMBER_M] * p[SeaParam.MEMBER_M] - short * short)
     lean = short / root
-    return across - root - p[SeaParam.BRACKET], c - lean * s, -along - lean * across
+    return across - root - p[SeaParam.BRACKET_M], c - lean * s, -along - lean * across
 
 
 @_compiled
 def _through(p: np.ndarray, nut: float) -> tuple[float, float]:
     """Return the angle with a straight beam, and its derivative by the nut's travel."""
-    lever, bracket, member = p[SeaParam.LEVER], p[SeaParam.BRACKET], p[SeaParam.MEMBER]
+    lever, bracket, member = p[SeaParam.LEVER_M], p[SeaParam.BRACKET_M], p[SeaParam.MEMBER_M]
     tip2 = lever * lever + bracket * bracket
     far2 = lever * lever + nut * nut
     tip, far = math.sqrt(tip2), math.sqrt(far2)
@@ -194,8 +165,8 @@ def _forces(p: np.ndarray, rotor: float, angle: float) -> tuple[float, float, fl
     """Return the beam's torques on rotor and output, and on the output by the linear beam."""
     travel = p[SeaParam.TRAVEL]
     bent, by_nut, by_angle = _beam(p, p[SeaParam.REST] + travel * rotor, angle)
-    linear = p[SeaParam.BEAM] * bent
-    force = linear * (1.0 + p[SeaParam.CUBIC] * bent * bent)
+    linear = p[SeaParam.BEAM_STIFFNESS] * bent
+    force = linear * (1.0 + p[SeaParam.BEAM_CUBIC_PER_M2] * bent * bent)
     return -force * by_nut * travel, -force * by_angle, -linear * by_angle
 
 
@@ -204,8 +175,8 @@ def _driven(p: np.ndarray, wanted: float, velocity: float) -> float:
     """Return the current that the drive can give, A."""
     emf = p[SeaParam.TORQUE_CONSTANT] * velocity
     given = min(max(wanted, -p[SeaParam.CURRENT_MAX_A]), p[SeaParam.CURRENT_MAX_A])
-    high = (p[SeaParam.SUPPLY_V] - emf) / p[SeaParam.RESISTANCE]
-    low = (-p[SeaParam.SUPPLY_V] - emf) / p[SeaParam.RESISTANCE]
+    high = (p[SeaParam.SUPPLY_V] - emf) / p[SeaParam.RESISTANCE_OHM]
+    low = (-p[SeaParam.SUPPLY_V] - emf) / p[SeaParam.RESISTANCE_OHM]
     return float(min(max(given, low), high))
 
 
@@ -213,7 +184,7 @@ def _driven(p: np.ndarray, wanted: float, velocity: float) -> float:
 def _rotor_slope(p: np.ndarray, wanted: float, velocity: float, beam: float) -> float:
     current = _driven(p, wanted, velocity)
     sign = velocity / math.sqrt(velocity * velocity + p[SeaParam.DRIVE_BEND])
-    friction = p[SeaParam.DRIVE_FRICTION] * sign + p[SeaParam.DRIVE_DAMPING] * velocity
+    friction = p[SeaParam.DRIVE_FRICTION_NM] * sign + p[SeaParam.DRIVE_DAMPING] * velocity
     torque = p[SeaParam.TORQUE_CONSTANT] * current - friction + beam
     return float(torque * p[SeaParam.ROTOR_MOBILITY])
 
@@ -279,7 +250,7 @@ def _asked(p: np.ndarray, s: np.ndarray, torque: float, angle: float) -> float:
     else:
         rate = (s[SeaState.MEASURED] - s[SeaState.MEASURED_BEFORE]) * per_s
         at_output = torque + p[SeaParam.TORQUE_GAIN] * (torque - s[SeaState.MEASURED])
-        at_output -= p[SeaParam.TORQUE_RATE_GAIN] * rate
+        at_output -= p[SeaParam.TORQUE_RATE_GAIN_S] * rate
     return float(at_output * s[SeaState.RATIO] / p[SeaParam.TORQUE_CONSTANT])
 
 
@@ -378,19 +349,19 @@ def advance(
     row = sample % noise.shape[0]
     linear = 0.0
     if sample > 0:
-        period = p[SeaParam.PERIOD_S] * p[SeaParam.STRETCH]
+        period = p[SeaParam.PERIOD_S] * p[SeaParam.CLOCK_STRETCH]
         most = JITTER_MAX * period
-        off = min(max(p[SeaParam.JITTER_S] * noise[row, 2], -most), most)
+        off = min(max(p[SeaParam.CLOCK_JITTER_S] * noise[row, 2], -most), most)
         linear = _move(p, s, sample * period + off, _asked(p, s, torque, angle))
         _warm(p, s)
     nut = p[SeaParam.TRAVEL] * s[SeaState.ROTOR]
-    nut_off = _rounding(nut, p[SeaParam.LINEAR_STEP])
-    angle_off = _rounding(s[SeaState.ANGLE], p[SeaParam.ROTARY_STEP])
+    nut_off = _rounding(nut, p[SeaParam.LINEAR_STEP_M])
+    angle_off = _rounding(s[SeaState.ANGLE], p[SeaParam.ROTARY_STEP_RAD])
     motor, slope = _through(p, p[SeaParam.REST] + nut + nut_off)
     ratio = slope * p[SeaParam.TRAVEL]
     _, by_nut, by_angle = _beam(p, p[SeaParam.REST] + nut, s[SeaState.ANGLE])
     bent_off = by_nut * nut_off + by_angle * angle_off
-    torque_off = -p[SeaParam.BEAM] * by_angle * bent_off
+    torque_off = -p[SeaParam.BEAM_STIFFNESS] * by_angle * bent_off
     gain = p[SeaParam.LAB_GAIN]
     s[SeaState.MEASURED_BEFORE], s[SeaState.MOTOR_BEFORE] = s[SeaState.MEASURED], s[SeaState.MOTOR]
     s[SeaState.MEASURED], s[SeaState.MOTOR] = gain * (linear + torque_off), motor
@@ -405,9 +376,9 @@ def advance(
         p[SeaParam.SUPPLY_V],
         s[SeaState.TEMPERATURE],
         s[SeaState.FAULT],
-        s[SeaState.ANGLE] + angle_off + p[SeaParam.ANGLE_NOISE] * noise[row, 1],
-        gain * (_late(s, p[SeaParam.LAG_S]) + torque_off)
-        + p[SeaParam.TORQUE_NOISE] * noise[row, 0],
+        s[SeaState.ANGLE] + angle_off + p[SeaParam.ANGLE_NOISE_RAD] * noise[row, 1],
+        gain * (_late(s, p[SeaParam.TORQUE_LAG_S]) + torque_off)
+        + p[SeaParam.TORQUE_NOISE_NM] * noise[row, 0],
     )
 
 
