@@ -57,6 +57,9 @@ _COLUMNS: Final[Mapping[str, int]] = {
 }
 #: Size of a known addition to the joint that one unit of its parameter stands for: N*m/rad, kg*m^2.
 ADDED: Final[Mapping[str, float]] = {"added_stiffness": 100.0, "added_inertia": 0.1}
+#: Share of the stiffness of an addition that softens with displacement, as the joint's does.
+ADDED_SOFTENING: Final = "added_softening"
+_OF_ADDITION: Final = (*ADDED, ADDED_SOFTENING)
 #: Of a point behind its knots: deviation of the log reflex and, with gyroscopes, the logit of the
 #: share of the joint's motion that the shank makes.
 REFLEX, SHANK = range(2)
@@ -113,7 +116,7 @@ class Layout:
     def shared_names(self) -> tuple[str, ...]:
         """Names of the parameters that all timing points share, in order."""
         of_sensors = (name for sensor in self.sensors for name in _OF_SENSOR[sensor])
-        return (*_SHARED, *of_sensors, *(ADDED if self.has_addition else ()))
+        return (*_SHARED, *of_sensors, *(_OF_ADDITION if self.has_addition else ()))
 
     @property
     def per_point(self) -> int:
@@ -211,7 +214,8 @@ class LegModel:
         if (part := self.added[point]) is not None:
             more = self._addition(theta, "added_stiffness") + part.gravity
             own, stiffness = stiffness, stiffness + more[:, None]
-            parameters[:, leg.GRAVITY_STIFFNESS] += more  # it does not soften, nor has reflexes
+            softens = expit(theta[:, self.layout.shared(ADDED_SOFTENING)])
+            parameters[:, leg.GRAVITY_STIFFNESS] += (1.0 - softens) * more
             parameters[:, leg.REFLEX_GAIN] *= own.mean(axis=1) / stiffness.mean(axis=1)
         return stiffness, damping, parameters
 

@@ -10,7 +10,15 @@ from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, Shar
 from jointz.core.study import Calibrated
 from jointz.identify.walking.body import Body
 from jointz.identify.walking.coupling import STRAP, Coupling, Hypothesis
-from jointz.identify.walking.leg_model import LENGTH_CYCLES, REFLEX, SHANK, Layout, LegModel
+from jointz.identify.walking.leg_model import (
+    ADDED,
+    ADDED_SOFTENING,
+    LENGTH_CYCLES,
+    REFLEX,
+    SHANK,
+    Layout,
+    LegModel,
+)
 from jointz.identify.walking.responses import PointResponse
 from jointz.results.value_scale import LOGARITHM
 
@@ -26,8 +34,15 @@ LAG_MODEL_S = 0.001
 #: point: the stiffness of knee muscles by free oscillation under one load had a coefficient of
 #: variation of 4 to 7 % between days (J Electromyogr Kinesiol 21, 492, 2011).
 _SESSION_SD = 0.05
+#: A band is linear, but what the fit takes for softening is partly that of strap, tissue and
+#: friction, which act on it, too: in simulated legs some showed the one, some the other.
+_ADDED_SOFTENING = SharePrior(median=0.5, logit_sd=1.5)
 #: Of the size of a known addition, in the units of the model: the data alone say what it is.
 _ANY_ADDITION = NormalPrior(mean=0.0, sd=10.0)
+_OF_ADDITION: Mapping[str, AnyPrior] = {
+    **dict.fromkeys(ADDED, _ANY_ADDITION),
+    ADDED_SOFTENING: _ADDED_SOFTENING,
+}
 _SHORTEST_LAG_S, _LEAST_PART_S = 1e-4, 1.5e-4
 
 
@@ -152,8 +167,10 @@ class LegPriors:
             if which in layout.own_of_point
         }
         for name in layout.shared_names:
-            usual = self.body.inertia if name == "inertia" else getattr(spec, name, None)
-            entries[layout.shared(name)] = _moments(known.get(name, usual or _ANY_ADDITION))
+            if name not in known:
+                of_body = self.body.inertia if name == "inertia" else getattr(spec, name, None)
+                known[name] = of_body or _OF_ADDITION[name]
+            entries[layout.shared(name)] = _moments(known[name])
         return entries
 
 
