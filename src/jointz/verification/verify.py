@@ -35,6 +35,8 @@ from jointz.results.estimates import REACH_95, WIDEST
 from jointz.results.figure_style import BLUE, INK, ORANGE
 from jointz.tasks.engine import on_one_thread
 
+PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
+_BY_PERSON: Final = ("verdicts", "p", "explanations")
 _LEVEL: Final = 0.95
 #: No more than so many times the pulses are proposed.
 _MOST_TIMES: Final = 20.0
@@ -82,9 +84,10 @@ class Verification(PlottedResult):
     verdicts : mapping of str to str
         Participant -> ``pass``, ``fail`` or ``cannot tell``, of both parts together.
     p : mapping of str to float
-        Participant -> probability of a difference as large, if the set-up is right.
+        Participant -> probability of a difference as large, if the set-up is right; None for those
+        who could not be fitted.
     explanations : mapping of str to str
-        Participant -> the error that explains a failure best.
+        Participant -> the error that explains a failure best, or why there was no fit.
     """
 
     SCHEMA: ClassVar[str] = "jointz.Verification/1"
@@ -92,7 +95,7 @@ class Verification(PlottedResult):
 
     parts: tuple[AdditionResult, ...]
     verdicts: Mapping[str, str]
-    p: Mapping[str, float]
+    p: Mapping[str, float | None]
     explanations: Mapping[str, str]
 
     def to_frame(self) -> pd.DataFrame:
@@ -123,7 +126,8 @@ class Verification(PlottedResult):
         """Return a few lines of text."""
         lines = []
         for person, verdict in self.verdicts.items():
-            lines.append(f"{person}: {verdict} (p = {self.p[person]:.2g})")
+            p = self.p[person]
+            lines.append(f"{person}: {verdict}" + ("" if p is None else f" (p = {p:.2g})"))
             lines += [f"  {_sentence(r)}" for r in self.parts if r.participant == person]
             if why := self.explanations.get(person):
                 lines.append(f"  {why}")
@@ -154,21 +158,31 @@ def verify(study: Study | str | os.PathLike[str]) -> Verification:
     """
     opened = study if isinstance(study, Study) else open_study(study)
     addition = _addition(opened)
-    rows: list[AdditionResult] = []
-    verdicts: dict[str, str] = {}
-    p: dict[str, float] = {}
-    explanations: dict[str, str] = {}
-    for person in opened.spec.participants:
-        pair = on_one_thread(partial(_pair, opened, person.id))
-        fit = on_one_thread(partial(fit_addition, *pair, addition, person))
-        p[person.id], own = _judged(person.id, fit, addition)
-        verdicts[person.id] = _verdict(own, failed=p[person.id] < 1.0 - _LEVEL or fit.unlikely)
-        rows += own
-        if verdicts[person.id] == "fail":
-            model = pair_model(*pair, addition, person)
-            explain = partial(explained_by, model, pair[0].priors, addition)
-            explanations[person.id] = _explanation(fit, on_one_thread(explain))
-    return Verification(tuple(rows), verdicts, p, explanations)
+    found = [_verified(opened, addition, person.id) for person in opened.spec.participants]
+    if not any(one.parts for one in found):
+        raise DataError("; ".join(why for one in found for why in one.explanations.values()))
+    return Verification(
+        tuple(row for one in found for row in one.parts),
+        *({k: v for one in found for k, v in getattr(one, name).items()} for name in _BY_PERSON),
+    )
+
+
+def _verified(study: Study, addition: AdditionSpec, person: str) -> Verification:
+    """Return the verdict on one person, also on one who cannot be fitted."""
+    spec = study.spec.participant(person)
+    try:
+        pair = on_one_thread(partial(_pair, study, person))
+        model = pair_model(*pair, addition, spec)
+        fit = on_one_thread(partial(fit_addition, model, pair[0].priors))
+    except (DataError, np.linalg.LinAlgError) as exc:
+        return Verification((), {person: CANNOT_TELL}, {person: None}, {person: str(exc)})
+    p, parts = _judged(person, fit, addition)
+    verdict = _verdict(parts, failed=p < 1.0 - _LEVEL or bool(fit.unlikely))
+    why = ""
+    if verdict == FAIL:
+        explain = partial(explained_by, model, pair[0].priors, addition)
+        why = _explanation(fit, on_one_thread(explain))
+    return Verification(tuple(parts), {person: verdict}, {person: p}, {person: why} if why else {})
 
 
 def _addition(study: Study) -> AdditionSpec:
@@ -229,14 +243,12 @@ def _judged(
             float(fit.mean[k]),
             float(fit.mean[k] - reach),
             float(fit.mean[k] + reach),
-            "pass",
+            PASS,
             _times_pulses(float(sds[k]), float(fit.more_pulses[k]), float(stated[k])),
         )
         contradicts = abs(off[k]) > REACH_95 * np.sqrt(errors[k, k])
         wide = stated[k] > 0.0 and reach > WIDEST * stated[k]
-        rows.append(
-            replace(row, verdict="fail" if contradicts else "cannot tell" if wide else "pass")
-        )
+        rows.append(replace(row, verdict=FAIL if contradicts else CANNOT_TELL if wide else PASS))
     return p, rows
 
 
@@ -251,11 +263,11 @@ def _times_pulses(sd: float, with_twice: float, stated: float) -> float | None:
     return max(times, 1.0) if times <= _MOST_TIMES else None
 
 
-def _verdict(parts: Sequence[AdditionResult], *, failed: object) -> str:
+def _verdict(parts: Sequence[AdditionResult], *, failed: bool) -> str:
     if failed:
-        return "fail"
-    told = [part for part in parts if part.stated]
-    return "cannot tell" if any(part.verdict == "cannot tell" for part in told) else "pass"
+        return FAIL
+    told = [part.verdict for part in parts if part.stated]
+    return CANNOT_TELL if CANNOT_TELL in told else PASS
 
 
 def _explanation(fit: AdditionFit, evidence: Mapping[str, float]) -> str:
@@ -274,7 +286,7 @@ def _sentence(row: AdditionResult) -> str:
         f"{row.part}: {row.found:.3g} [{row.ci_low:.3g}, {row.ci_high:.3g}] {unit}, stated "
         f"{row.stated:.3g}: {row.verdict}"
     )
-    if row.verdict != "cannot tell":
+    if row.verdict != CANNOT_TELL:
         return text
     more = row.times_pulses
     advice = "no number of pulses would tell" if more is None else f"{more:.1f} times the pulses"

@@ -20,7 +20,7 @@ from jointz.identify.walking.decisions import unlikely_instruments
 from jointz.identify.walking.estimands import mixed_moments
 from jointz.identify.walking.gravity import thigh_angle
 from jointz.identify.walking.information import GROUPS, with_more_pulses
-from jointz.identify.walking.leg_model import ADDED, AddedPart, LegModel
+from jointz.identify.walking.leg_model import ADDED, SHANK, SHANK_SHARE, AddedPart, LegModel
 from jointz.identify.walking.posterior import LegPosterior, explain
 from jointz.identify.walking.prior import LegPriors
 from jointz.reference.body_segments import segment_length
@@ -52,35 +52,30 @@ class AdditionFit:
     covariance: np.ndarray  # (2, 2)
     more_pulses: np.ndarray  # (2,) sds with twice the pulses
     unlikely: tuple[UnlikelyParameter, ...]  # instruments that speak against the model
-    n_pulses: float
-    log_evidence: Mapping[str, float]  # error -> if that alone is wrong; "": if nothing is
 
 
-def fit_addition(
-    without: LegData, loaded: LegData, addition: AdditionSpec, person: ParticipantSpec | None
-) -> AdditionFit:
-    """Fit recordings without and with an addition as one leg.
-
-    Raises DataError if they have no timing point in common, or other sensors.
-    """
-    model = pair_model(without, loaded, addition, person)
-    posterior = explain(model, without.priors)
+def fit_addition(model: LegModel, priors: LegPriors) -> AdditionFit:
+    """Fit recordings without and with an addition as one leg."""
+    posterior = explain(model, priors)
     mean, covariance = _moments(posterior, [fit.covariance for fit in posterior.fits])
     more = [with_more_pulses(model, fit) for fit in posterior.fits]
-    return AdditionFit(
-        mean,
-        covariance,
-        np.sqrt(np.diag(_moments(posterior, more)[1])),
-        unlikely_instruments(posterior, without.priors.coupling.fixed),
-        sum(shape.n_pulses for point in model.points for shape in point.shapes),
-        {},
-    )
+    _, with_more = _moments(posterior, more)
+    if SHANK not in model.layout.own_of_point:  # how much is felt of the inertia is not known
+        share = priors.spec.shank_share
+        error = 2.0 * (1.0 - SHANK_SHARE) * share.logit_sd * mean[1]  # of its square
+        covariance[1, 1] += error**2
+        with_more[1, 1] += error**2
+    unlikely = unlikely_instruments(posterior, priors.coupling.fixed)
+    return AdditionFit(mean, covariance, np.sqrt(np.diag(with_more)), unlikely)
 
 
 def pair_model(
     without: LegData, loaded: LegData, addition: AdditionSpec, person: ParticipantSpec | None
 ) -> LegModel:
-    """Return the model of the timing points that both have."""
+    """Return the model of the timing points of both.
+
+    Raises DataError if they have no timing point in common, or other sensors.
+    """
     places = {cell.label: k for k, cell in enumerate(without.cells)}
     common = [k for k, cell in enumerate(loaded.cells) if cell.label in places]
     if not common or without.model.channels != loaded.model.channels:
