@@ -29,7 +29,7 @@ def addition_notes(
             for name, unit in PARTS.items()
             if (entry := load.properties.get(name)) is not None
         ]
-        notes.append(f"jointz verify: {load.name}, {' and '.join(told)} of a typical leg.")
+        notes.append(f"jointz verify will tell {load.name}: {' and '.join(told)} (typical leg).")
     return notes
 
 

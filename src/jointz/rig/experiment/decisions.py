@@ -85,6 +85,7 @@ class DecisionSettings:
     history: PulseHistory
     variants: Sequence[PulseVariant]  # shapes, sizes and signs that every timing point gets
     asked: int = 0  # questions so far, of earlier stretches
+    pulses_at_last: int = 0  # pulses that were done at the question of the last decision
     stopped: bool = False  # whether one of them has ended the pulses
 
 
@@ -96,7 +97,7 @@ class Decisions:
         self._points = points
         self.history = settings.history
         self._number = settings.asked
-        self._at_question = 0  # pulses that were done then
+        self._at_question = settings.pulses_at_last  # pulses that were done then
         self._question: Event | None = None
         self._over = settings.stopped
 
@@ -204,6 +205,21 @@ def pulses_needed(plan: Iterable[Any], events: Sequence[Event], condition: str) 
     needed = {pulse.number for pulse in plan} - pulses_withdrawn(events, condition)
     stops = [place for place, event in enumerate(events) if is_stop(event, condition)]
     return needed & set(pulses_done(events[: stops[0]], condition)) if stops else needed
+
+
+def pulses_at_last_decision(
+    plan: Sequence[PlannedPulse], events: Sequence[Event], condition: str
+) -> int:
+    """Return how many pulses were done at the question of a trial's last decision."""
+    decided = {event["number"] for event in events_of(events, "decided", condition)}
+    places = [
+        place
+        for place, event in enumerate(events)
+        if (event["event"], event["condition"]) == ("decision_asked", condition)
+        and event["number"] in decided
+    ]
+    before = events[: places[-1]] if places else []
+    return PulseHistory.of_journal(plan, before, condition).done.total()
 
 
 def is_stop(event: Event, condition: str) -> bool:

@@ -40,6 +40,7 @@ from jointz.rig.experiment.decisions import (
     DecisionSettings,
     PulseHistory,
     is_stop,
+    pulses_at_last_decision,
     pulses_needed,
 )
 from jointz.rig.experiment.driver_errors import drivers_answer_for
@@ -268,6 +269,7 @@ class Session:
             history=PulseHistory.of_journal(planned, events, name),
             variants=variants_of(protocol.shapes),
             asked=len(events_of(events, "decision_asked", name)),
+            pulses_at_last=pulses_at_last_decision(planned, events, name),
             stopped=any(is_stop(event, name) for event in events),
         )
 

@@ -35,7 +35,8 @@ def follow(
 ) -> None:
     """Estimate after new pulses and for questions until the session has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C of the terminal is the session's
-    _give_way()
+    if settings.clock == "real":
+        _give_way()
     opened, parent = open_rig(rig, number), multiprocessing.parent_process()
     folder = settings.session_folder(opened.wearer.id)
     journal = JournalTail(folder / JOURNAL_FILE)
