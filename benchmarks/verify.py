@@ -1,11 +1,11 @@
 """Known additions and planted errors: what ``jointz verify`` says.
 
-    python -m benchmarks.verify --people 10 --error none
+    python -m benchmarks.verify --people 10
     python -m benchmarks.verify --people 10 --error torque_gain
 
 Simulated people (realistic, three sensors) walk without and with 50 N*m/rad and 0.05 kg*m^2 more,
-in the order A B B A. Errors are planted in a copy of the study: torque or angle 10 % too
-large, the goniometer 8 ms late; with ``strap`` they walk with straps a quarter as stiff. Prints
+in the order A B B A. Errors are planted in a copy of the study: torque or goniometer 10 % too
+large, the torque 8 ms late; with ``strap`` they walk with straps a quarter as stiff. Prints
 the intervals and verdicts of everybody, how many hold what was really mounted, and how many are
 noticed.
 """
@@ -13,6 +13,7 @@ noticed.
 import argparse
 import json
 import shutil
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     errors = ["none", "torque_gain", "angle_gain", "lag", "strap"]
     parser.add_argument("--error", choices=errors, default="none")
-    parser.add_argument("--keep", type=Path, required=True, help="folder of the studies")
+    default = Path(tempfile.gettempdir()) / "jointz-verify"
+    parser.add_argument("--keep", type=Path, default=default, help="folder of the studies")
     given = parser.parse_args()
     study = given.keep / ("strap" if given.error == "strap" else "none")
     if not study.exists():
@@ -105,11 +107,11 @@ def plant(study: Path, error: str) -> None:
     for recording in study.glob("*.nc"):
         with xr.open_dataset(recording) as opened:
             data = opened.load()
-        angle = data["angle"].to_numpy()
-        changed = 1.1 * angle
-        if error == "lag":
-            changed = np.concatenate([angle[:1].repeat(_LATE_SAMPLES), angle[:-_LATE_SAMPLES]])
-        data["angle"] = data["angle"].copy(data=changed)
+        if error == "angle_gain":
+            data["angle"] = 1.1 * data["angle"]
+        else:
+            late = np.roll(data["current"].to_numpy(), _LATE_SAMPLES)
+            data["current"] = data["current"].copy(data=late)
         data.to_netcdf(recording, engine="h5netcdf")
 
 

@@ -252,7 +252,9 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
     questions = mass_questions(study, cells)
     cells = without_values_per_kg(cells, questions)
     methods = {m for r in results.values() for m in r.cells if m != method}
-    statistics = study_statistics(study, method, cells, results.values())
+    loaded = {addition.session for addition in study.spec.additions}
+    own = [cell for cell in cells if cell.session not in loaded]
+    statistics = study_statistics(study, method, own, results.values())
     pulses = tuple(p for r in results.values() for p in r.pulses)
     inputs = list(outputs.inputs.values())
     posteriors = tuple(p for r in results.values() for p in r.log_posteriors)
@@ -260,6 +262,11 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
         statistics["planned_half_widths"] = planned
     run, run_notes = run_record(study)
     statistics["notes"][:0] = [*run_notes, *questions.values(), *mass_remarks(study, questions)]
+    if loaded:
+        statistics["notes"].append(
+            f"Session {' and '.join(sorted(loaded))}: with a known addition to the joint, left out "
+            "of means and tests. jointz verify compares it with the others."
+        )
     statistics["notes"] += [*outputs.errors.values(), *damage_notes(inputs, pulses)]
     return Analysis(
         cells=tuple(cells),
@@ -269,7 +276,11 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
             if name in methods
             for c in without_values_per_kg(_completed(study, name, outputs), questions)
         ),
-        population=population_means(cells, posteriors, likely_masses_kg(study, questions))
+        population=population_means(
+            own,
+            [p for p in posteriors if p.session not in loaded],
+            likely_masses_kg(study, questions),
+        )
         if study.spec.of_people
         else (),
         pulses=pulses,

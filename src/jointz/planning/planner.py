@@ -131,7 +131,10 @@ class Planner:
         if spec is None:
             self._note_undetectable_differences(people, participants)
         if spec is not None and spec.condition_loads:
-            each = {name: 0.5 * n * self._schedule.repeats[name] for name, n in counts.items()}
+            perturbed = [c for c in spec.conditions if c.perturbations is not None]
+            loaded = sum(c.load is not None for c in perturbed)
+            pairs = max(min(loaded, len(perturbed) - loaded), 1)
+            each = {name: float(pairs * n) for name, n in counts.items()}
             self._notes += addition_notes(self._lab, design, each, spec.loads)
         text, aborted = "", None
         if spec is not None and not self._refused:

@@ -17,20 +17,25 @@ from jointz.results.estimates import REACH_95
 def addition_notes(
     lab: Laboratory, design: Design, counts: Mapping[str, float], loads: Sequence[LoadSpec]
 ) -> list[str]:
-    """Say to how much of each load ``jointz verify`` will tell it, for a typical leg.
+    """Say how precisely ``jointz verify`` will estimate a load, for a typical leg.
 
     ``counts`` are pulses of a timing point with the load, and as many without it.
     """
-    reach = _half_widths(lab, design, counts)
-    notes = []
-    for load in loads:
-        told = [
-            f"{entry.value:g} {unit} to ±{100.0 * reach[name] / entry.value:.0f} %"
-            for name, unit in PARTS.items()
-            if (entry := load.properties.get(name)) is not None
+    if len(loads) > 1:
+        return ["jointz verify compares one load with none; this protocol has several."]
+    (load,) = loads
+    if load.mass_kg is not None:
+        return [
+            f"{load.name}: what the knee feels of a weight depends on the posture, so that its "
+            "precision is not planned; that of a band is."
         ]
-        notes.append(f"jointz verify will tell {load.name}: {' and '.join(told)} (typical leg).")
-    return notes
+    reach = _half_widths(lab, design, counts)
+    parts = [
+        f"{entry.value:g} {unit} within ±{100.0 * reach[name] / entry.value:.0f} %"
+        for name, unit in PARTS.items()
+        if (entry := load.properties.get(name)) is not None
+    ]
+    return [f"jointz verify estimates {load.name}, {' and '.join(parts)} (typical leg)."]
 
 
 def _half_widths(lab: Laboratory, design: Design, counts: Mapping[str, float]) -> dict[str, float]:

@@ -53,7 +53,7 @@ class RunReport(PlottedResult):
     timing: tuple[Mapping[str, Any], ...]
     salvaged: tuple[str, ...] = ()  # sentences about damaged files and the data lost with them
     # ``participant, condition, decisions, steered`` (decisions that moved pulses to other timing
-    # points), ``stopped, planned, completed``: sessions with decisions of live estimates
+    # points), ``without_estimate, stopped, planned, completed``: sessions with live estimates
     decisions: tuple[Mapping[str, Any], ...] = ()
 
     def to_frame(self) -> pd.DataFrame:
@@ -106,6 +106,11 @@ class RunReport(PlottedResult):
                 f"{len(stopped)} of {len(self.decisions)} sessions ended before the plan, after "
                 f"{after} of {max(row['planned'] for row in stopped)} pulses: live estimates had "
                 "reached every planned half-width."
+            )
+        if without := sum(row["without_estimate"] for row in self.decisions):
+            total = sum(row["decisions"] for row in self.decisions)
+            texts.append(
+                f"For {without} of {total} decisions there was no estimate: pulses came as planned."
             )
         return " ".join(texts)
 

@@ -123,8 +123,8 @@ def test_pulses_with_and_without_it_are_needed(study, tmp_path):
 
 def test_the_plan_says_how_well_it_will_be_told(found):
     plan = jz.plan(protocol(), sensors=SENSORS)
-    (note,) = [note for note in plan.notes if note.startswith("jointz verify will tell band")]
-    percent = float(note.partition("to ±")[2].partition(" %")[0])
+    (note,) = [note for note in plan.notes if note.startswith("jointz verify estimates band")]
+    percent = float(note.partition("±")[2].partition(" %")[0])
     stiffness = found.parts[0]
     reached = 50.0 * (stiffness.ci_high - stiffness.ci_low) / stiffness.stated
     assert 0.4 * reached < percent < 2.5 * reached

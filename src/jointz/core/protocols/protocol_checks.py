@@ -130,6 +130,10 @@ def _bench_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
         yield Problem(("bench",), message)
 
 
+#: More than any knee has, N*m/rad and kg*m^2: another unit.
+_MOST_ADDED = {"stiffness": 400.0, "inertia": 0.4}
+
+
 def _loads_fit_kind(protocol: ProtocolFields) -> Iterator[Problem]:
     if not protocol.loads:
         return
@@ -151,6 +155,11 @@ def _loads_fit_kind(protocol: ProtocolFields) -> Iterator[Problem]:
                 "expected what is added in walking: mass_kg and distance_m, inertia or stiffness, "
                 "above 0. Add one of them, and remove damping and locked.",
             )
+        for name, most in _MOST_ADDED.items() if protocol.kind == "walking" else ():
+            entry = load.properties.get(name)
+            if entry is not None and entry.value > most:
+                message = f"expected at most {most:g} in SI units, got {entry.value:g}."
+                yield Problem(("loads", i), f"{name}: {message}")
 
 
 def _one_load_a_session(protocol: ProtocolFields) -> Iterator[Problem]:
@@ -225,6 +234,15 @@ def _control_has_no_pulses(protocol: ProtocolFields) -> Iterator[Problem]:
             yield Problem(key, message)
 
 
+def _wishes_are_for_points(protocol: ProtocolFields) -> Iterator[Problem]:
+    plans = [c.perturbations for c in protocol.conditions if c.perturbations is not None]
+    known = {name for plan in plans for name in plan.timing_points or {}}
+    for parameter, own in (protocol.planned_half_width_pct or {}).items():
+        for name in sorted(set(own) - known):
+            message = f"is no timing point; expected one of {', '.join(sorted(known))}."
+            yield Problem(("planned_half_width_pct", parameter, name), message)
+
+
 def _live_can_decide(protocol: ProtocolFields) -> Iterator[Problem]:
     live = protocol.live
     if live is None:
@@ -255,6 +273,7 @@ def _live_can_decide(protocol: ProtocolFields) -> Iterator[Problem]:
 
 
 PROTOCOL_CHECKS = (
+    _wishes_are_for_points,
     _live_can_decide,
     _names_unique,
     _loads_unique,

@@ -69,7 +69,7 @@ def console(
             rig,
             participants=participants,
             seed=seed,
-            live=(os.cpu_count() or 1) >= _LEAST_CORES if live is None else live,
+            live=True if live is None and (os.cpu_count() or 1) >= _LEAST_CORES else live,
             calibration=calibration,
         ),
         resume=resume,
@@ -94,7 +94,7 @@ def _arguments(
     *,
     participants: int | None,
     seed: int | None,
-    live: bool,
+    live: bool | None,
     calibration: Path | None,
 ) -> list[str]:
     """Return the arguments of ``jointz run``; none to watch only."""
@@ -115,8 +115,8 @@ def _arguments(
                "--participants": participants, "--seed": seed,
                "--calibration": calibration}  # fmt: skip
     arguments = [protocol, "--out", str(out), "--clock", "real", "--attended", "--quiet"]
-    if live and plan.kind == "walking":
-        arguments.append("--live")
+    if live is not None and plan.kind == "walking":
+        arguments.append("--live" if live else "--no-live")
     for name, value in options.items():
         if value is not None:
             arguments += [name, str(value)]

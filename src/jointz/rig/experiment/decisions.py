@@ -21,13 +21,15 @@ from jointz.rig.experiment.files.journal import (
     pulses_done,
     pulses_withdrawn,
 )
-from jointz.rig.experiment.plan import PlannedPulse
+from jointz.rig.experiment.plan import PlannedPulse, written_pulse
 
 #: Strides from a question to its effect: an estimate takes some seconds.
 STRIDES_TO_DECIDE = 20
 #: A decision that comes never leaves the pulses beyond so many times the next question as planned.
 _AHEAD = 2
 Variant = tuple[str, str, float]
+#: What a decision changes of a pulse.
+_STEERED = ("timing_point", "gait_pct", "shape", "amplitude_nm")
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,31 +175,24 @@ def _spread(shares: Mapping[str, float], count: int, rng: np.random.Generator) -
     return [point for _, point in sorted(places)]
 
 
-def written_pulses(before: Iterable[PlannedPulse], after: Iterable[PlannedPulse]) -> list[Any]:
+def written_pulses(
+    before: Iterable[PlannedPulse], after: Iterable[PlannedPulse]
+) -> list[dict[str, Any]]:
     """Return what changed of a queue, as a journal holds it."""
-    return [
-        [new.number, new.timing_point, new.shape, new.amplitude_nm]
-        for old, new in zip(before, after, strict=True)
-        if old != new
-    ]
+    return [written_pulse(new) for old, new in zip(before, after, strict=True) if old != new]
 
 
 def as_decided(plan: Sequence[Any], events: Sequence[Event], condition: str) -> tuple[Any, ...]:
     """Return the plan of a trial with what was decided since; on a bench that is nothing."""
-    if not events_of(events, "decided", condition):
-        return tuple(plan)
-    points = {pulse.timing_point: pulse.gait_pct for pulse in plan}
-    by_number = {pulse.number: pulse for pulse in plan}
-    for event in events_of(events, "decided", condition):
-        for number, point, shape, amplitude_nm in event["pulses"]:
-            by_number[number] = replace(
-                by_number[number],
-                timing_point=point,
-                gait_pct=points[point],
-                shape=shape,
-                amplitude_nm=amplitude_nm,
-            )
-    return tuple(by_number.values())
+    changes: dict[int, dict[str, Any]] = {}
+    for event in events:
+        if event["condition"] != condition:
+            continue
+        if event["event"] == "decided":
+            changes |= {one["number"]: one for one in event["pulses"]}
+        elif event["event"] == "pulse_started" and "timing_point" in event:
+            changes[event["pulse"]] = {name: event[name] for name in _STEERED if name in event}
+    return tuple(replace(p, **changes[p.number]) if p.number in changes else p for p in plan)
 
 
 def pulses_needed(plan: Iterable[Any], events: Sequence[Event], condition: str) -> set[int]:

@@ -10,7 +10,7 @@ from jointz.core.protocols.pulse_waveform import PulseWaveform
 from jointz.rig.experiment.decisions import Decision, Decisions, PulseHistory, written_pulses
 from jointz.rig.experiment.files.journal import Event, Journal
 from jointz.rig.experiment.gait.gait_watch import GaitWatch
-from jointz.rig.experiment.plan import PlannedPulse
+from jointz.rig.experiment.plan import PlannedPulse, written_pulse
 from jointz.rig.experiment.scheduler import Scheduler
 
 #: So many pulses broken off one after the other, and none done: it would never end.
@@ -49,7 +49,7 @@ class PulseRunner:
         self._journal = journal
         self._half_period_ns = period_ns // 2
         self._onset_ns = self._onset_slot = self._slot = 0
-        self._was_steady = self._paused = self._counted = False
+        self._was_steady = self._paused = self._counted = self._ended = False
         self._broken_off, self._why = 0, ""
         self._cuts: Counter[tuple[str, str, float]] = Counter()
         self.active: PlannedPulse | None = None
@@ -101,6 +101,7 @@ class PulseRunner:
             pulses=[] if decision.stop else written_pulses(before, after),
             **decision.about,
         )
+        self._ended = decision.stop
         self._scheduler.replace(after)
 
     def retract_stride(self) -> None:
@@ -151,7 +152,8 @@ class PulseRunner:
         self._write("pulse_aborted", pulse, reason=why)
         self._cuts[pulse.variant] += cut
         if self._cuts[pulse.variant] < _MOST_CUT:
-            self._scheduler.requeue(pulse)
+            if not self._ended:
+                self._scheduler.requeue(pulse)
             return
         self._history.withdrawn.add(pulse.variant)
         for withdrawn in (pulse, *self._scheduler.withdraw(pulse.variant)):
@@ -162,7 +164,9 @@ class PulseRunner:
         self._course = self._courses[pulse.shape]
         self._onset_ns, self._onset_slot = slot_ns, self._slot
         self._history.begun.add(pulse.number)
-        self._write("pulse_started", pulse)
+        # What a decision changed stands twice, should its own line be damaged.
+        of_pulse = written_pulse(pulse) if self._decisions else {}
+        self._write("pulse_started", pulse, **of_pulse)
 
     def _value(self, slot_ns: int) -> float:
         pulse, elapsed_ns = self.active, slot_ns - self._onset_ns

@@ -268,7 +268,7 @@ class Session:
             rng=lambda number: self._plan.stream(wearer, f"decision {number} of {name}"),
             history=PulseHistory.of_journal(planned, events, name),
             variants=variants_of(protocol.shapes),
-            asked=len(events_of(events, "decision_asked", name)),
+            asked=max((e["number"] for e in events_of(events, "decision_asked", name)), default=0),
             pulses_at_last=pulses_at_last_decision(planned, events, name),
             stopped=any(is_stop(event, name) for event in events),
         )

@@ -3,24 +3,25 @@
 from typing import Final
 
 from jointz.core.protocols.protocol_models import LiveSpec
+from jointz.core.study import PlannedHalfWidths
 from jointz.rig.experiment.decisions import Decision
 from jointz.rig.live_estimates.live_estimate import LiveEstimate, LiveValue
 
-#: Share of the pulses that goes to all timing points alike: a wearer who can foresee the next one
-#: braces for it.
+#: Share of the pulses that goes to all timing points alike: none is left out.
 _EVENLY: Final = 0.25
 #: No value wants more than so many times its pulses, nor does one of unknown half-width.
 _MOST_TIMES: Final = 4.0
 
 
-def decide(estimate: LiveEstimate, live: LiveSpec) -> Decision:
-    """Stop where all wishes hold; else send the next pulses where they bring most nearer."""
+def decide(estimate: LiveEstimate, live: LiveSpec, wishes: PlannedHalfWidths) -> Decision:
+    """Stop if all wishes hold and every timing point has its pulses; else move the next pulses."""
     wished = [value for value in estimate.values if value.wish_pct is not None]
+    all_there = len(wished) == sum(map(len, wishes.values()))
     missing: dict[str, float] = dict.fromkeys((v.timing_point for v in estimate.values), 0.0)
     for value in wished:
         point = value.timing_point
         missing[point] = max(missing[point], _pulses_missing(value, live.fewest_pulses))
-    enough = all(value.holds and value.n_used >= live.fewest_pulses for value in wished)
+    enough = all(v.holds and v.n_used >= live.fewest_pulses for v in estimate.values)
     shares: dict[str, float] = {}
     if "steer" in live.may and any(missing.values()):
         even, total = _EVENLY / len(missing), sum(missing.values())
@@ -35,7 +36,7 @@ def decide(estimate: LiveEstimate, live: LiveSpec) -> Decision:
             for v in wished
         ],
     }
-    return Decision(bool(wished) and enough and "stop" in live.may, shares, about)
+    return Decision(all_there and enough and "stop" in live.may, shares, about)
 
 
 def _pulses_missing(value: LiveValue, fewest: int) -> float:

@@ -76,7 +76,7 @@ def _answered(
     live = settings.protocol.live
     if estimate is None or live is None:
         return Decision(about={"problem": problem})
-    return decide(estimate, live)
+    return decide(estimate, live, settings.protocol.wishes or {})
 
 
 def _estimate(

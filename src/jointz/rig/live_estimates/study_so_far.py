@@ -60,8 +60,7 @@ def _place(events: list[Event], question: Event) -> int:
     places = (
         place
         for place, event in enumerate(events)
-        if event["event"] == "decision_asked"
-        and (event["condition"], event["number"]) == (question["condition"], question["number"])
+        if event["event"] == "decision_asked" and event.items() >= question.items()
     )
     return next(places, len(events))  # not written yet: it is asked first
 

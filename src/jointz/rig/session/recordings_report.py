@@ -107,6 +107,7 @@ def _decision_rows(
             "condition": condition.name,
             "decisions": len(decided),
             "steered": sum(bool(event["pulses"]) for event in decided),
+            "without_estimate": sum("problem" in event for event in decided),
             "stopped": any(event["stop"] for event in decided),
             "planned": len(session.plans[condition.name]),
             "completed": len(pulses_done(session.events, condition.name)),

@@ -1,8 +1,10 @@
 """Decisions during a session: asked, put into effect, written down, kept by a resumed session."""
 
 import json
+import shutil
 from collections import Counter
 from importlib.resources import files
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,12 +12,21 @@ import pytest
 import jointz
 from jointz.core.errors import ProtocolError
 from jointz.core.protocols.protocol import Protocol
-from jointz.core.protocols.protocol_models import LiveSpec
+from jointz.core.protocols.protocol_models import LiveSpec, PerturbationPlan
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
-from jointz.rig.experiment.decisions import STRIDES_TO_DECIDE, Decision
+from jointz.rig.experiment.decisions import (
+    STRIDES_TO_DECIDE,
+    Decision,
+    Decisions,
+    DecisionSettings,
+    PulseHistory,
+)
 from jointz.rig.experiment.files.journal import read_journal
 from jointz.rig.experiment.files.whole_files import read_twice
+from jointz.rig.experiment.plan import PlannedPulse
+from jointz.rig.experiment.pulse_runner import PulseRunner
+from jointz.rig.experiment.scheduler import Scheduler
 from jointz.rig.live_estimates.decide import decide
 from jointz.rig.live_estimates.live_estimate import LiveEstimate, LiveValue, estimate_so_far
 from jointz.rig.session.live.live_progress import SessionProgress
@@ -110,21 +121,22 @@ def test_a_question_names_its_stride_and_the_decision_a_later_one(steered):
 def test_steered_pulses_keep_number_gap_shams_and_shapes(steered):
     folder, _, events = steered
     plan = plan_of(folder)["perturbed"]
-    changed = {number: change for e in decided(events) for number, *change in e["pulses"]}
+    changed = {pulse["number"]: pulse for e in decided(events) for pulse in e["pulses"]}
     assert changed
     by_number = {pulse["number"]: pulse for pulse in plan}
     variants = {(p["shape"], p["amplitude_nm"]) for p in plan}
-    for number, (point, shape, amplitude_nm) in changed.items():
-        assert point in POINTS
-        assert (shape, amplitude_nm) in variants
-        assert (amplitude_nm == 0.0) == (by_number[number]["amplitude_nm"] == 0.0)
+    for number, pulse in changed.items():
+        assert pulse["gait_pct"] == POINTS[pulse["timing_point"]]
+        assert pulse["gap_strides"] == by_number[number]["gap_strides"]
+        assert (pulse["shape"], pulse["amplitude_nm"]) in variants
+        assert (pulse["amplitude_nm"] == 0.0) == (by_number[number]["amplitude_nm"] == 0.0)
     assert ended(events) == sorted(by_number)
 
 
 def test_steered_pulses_go_where_they_are_wanted(steered):
     folder, _, events = steered
     first = decided(events)[0]
-    points = Counter(point for _, point, *_ in first["pulses"])
+    points = Counter(pulse["timing_point"] for pulse in first["pulses"])
     assert points["LRE"] > points["ISW"]
     table = (folder / "S01_perturbed_pulses.csv").read_text()
     assert table.count("LRE") > table.count("ISW")
@@ -153,7 +165,7 @@ def test_a_resumed_session_keeps_what_was_decided(steered, tmp_path):
     again = run(protocol(shams=0.2), tmp_path, Advisor(Decision()))
 
     assert decided(again)[0] == first
-    changed = {number: point for number, point, *_ in first["pulses"]}
+    changed = {pulse["number"]: pulse["timing_point"] for pulse in first["pulses"]}
     plan = SessionProgress(plan_of(folder))
     for event in again:
         plan.take(event)
@@ -215,7 +227,7 @@ def test_the_same_records_give_the_same_decision(stopped):
     question = next(event for event in events if event["event"] == "decision_asked")
     written = decided(events)[0]
 
-    again = decide(estimate_so_far(settings, rig, question=question), spec.live)
+    again = decide(estimate_so_far(settings, rig, question=question), spec.live, spec.wishes)
 
     assert again.stop == written["stop"]
     assert again.about["values"] == written["values"]
@@ -226,7 +238,8 @@ def value(now, least, *, wish=25.0, n=20, point="LRE"):
 
 
 def decision_of(*values, may=("steer", "stop")):
-    return decide(LiveEstimate(40, 0.1, values, ()), LiveSpec(may=may))
+    wishes = {"stiffness": {value.timing_point: 25.0 for value in values}}
+    return decide(LiveEstimate(40, 0.1, values, ()), LiveSpec(may=may), wishes)
 
 
 def test_it_stops_only_where_every_wish_holds_with_enough_pulses():
@@ -236,6 +249,54 @@ def test_it_stops_only_where_every_wish_holds_with_enough_pulses():
     assert not decision_of(value(24.0, 5.0, n=19), other).stop
     assert not decision_of(value(None, None), other).stop
     assert not decision_of(value(24.0, 5.0), other, may=("steer",)).stop
+
+
+def test_a_wish_without_an_estimate_does_not_hold():
+    estimate = LiveEstimate(40, 0.1, (value(20.0, 5.0),), ())
+    wishes = {"stiffness": {"LRE": 25.0, "ISW": 25.0}}
+    assert not decide(estimate, LiveSpec(may="stop"), wishes).stop
+
+
+def test_a_damaged_line_of_a_decision_leaves_its_pulses_what_they_were(steered, tmp_path):
+    folder, _, events = steered
+    shutil.copytree(folder, tmp_path / "s")
+    session = tmp_path / "s/sessions/S01"
+    lines = (session / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    place = next(i for i, event in enumerate(events) if event["event"] == "decided")
+    lines[place] = lines[place].replace(b'"number": ', b'"numbeR": ', 1)
+    (session / "journal.jsonl").write_bytes(b"".join(lines))
+    (session / "report.json").unlink()
+    table = "S01_perturbed_pulses.csv"
+    before = (tmp_path / "s" / table).read_text()
+    settings = RunSettings(protocol(shams=0.2), 3, "fast", tmp_path / "s", salvage=True)
+    rig = open_rig(rig_settings(settings.protocol, "sim", "nominal", 3, None), 0)
+    run_participant(rig, settings, operator=NoOperator(), progress=lambda *_: None)
+    assert (tmp_path / "s" / table).read_text() == before
+
+
+def test_a_pulse_that_is_broken_off_after_the_end_does_not_come_back():
+    question = {"condition": "x", "segment": 0, "slot": 0, "stride": 1, "number": 1}
+    plan = PerturbationPlan(
+        timing_points={"LRE": 90.0}, count_per_point=40, gap_strides=(1, 1), warm_up_strides=0
+    )
+    pulse = load_protocol("walking").shapes[0]
+    planned = PlannedPulse(1, "LRE", 90.0, 10.0, 1)
+    settings = DecisionSettings(
+        LiveSpec(may="stop"), Advisor(None), True, np.random.default_rng, PulseHistory(), ()
+    )
+    decisions = Decisions(settings, {"LRE": 90.0})
+    written = []
+    journal = SimpleNamespace(write=lambda event, **_: written.append(event))
+    runner = PulseRunner(
+        "x", 0, (pulse,), Scheduler([planned] * 2, plan), journal=journal, period_ns=2_000_000,
+        decisions=decisions,
+    )  # fmt: skip
+    runner.active = planned
+    runner._put_into_effect(decisions, question, Decision(stop=True), stride=21)
+    runner.abort("gait not steady")
+    runner.active = None
+    assert written == ["decided", "pulse_aborted"]
+    assert runner.done
 
 
 def test_pulses_go_to_wide_points_but_not_to_wishes_out_of_reach():

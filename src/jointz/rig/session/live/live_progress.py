@@ -79,17 +79,8 @@ class TrialProgress:
 
     def decide(self, event: Event) -> None:
         """Follow a decision: pulses go to other timing points, or end."""
-        changes = {
-            number: {"timing_point": point, "shape": shape, "amplitude_nm": amplitude_nm}
-            for number, point, shape, amplitude_nm in event["pulses"]
-        }
-        at = {pulse["timing_point"]: pulse["gait_pct"] for pulse in self.planned}
-        self.planned = [
-            {**pulse, **change, "gait_pct": at[change["timing_point"]]}
-            if (change := changes.get(pulse["number"]))
-            else pulse
-            for pulse in self.planned
-        ]
+        changed = {pulse["number"]: pulse for pulse in event["pulses"]}
+        self.planned = [changed.get(pulse["number"], pulse) for pulse in self.planned]
         if event["stop"]:
             self.withdrawn |= set(self.queue)
             self.queue.clear()
