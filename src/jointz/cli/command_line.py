@@ -45,7 +45,7 @@ _COMMANDS = {
     ),
     "verify": (
         "jointz.verification.command:verify",
-        "Prove a set-up by a known addition to the joint.",
+        "Check a set-up by a known addition to the joint.",
     ),
     "pool": ("jointz.pooling.command:pool", "Pool results of several studies and conditions."),
     "identify": ("jointz.identification.command:identify", "Fit one model to one record."),

@@ -1,1 +1,1 @@
-"""Proof of a set-up by a known addition to the joint: ``jointz verify``."""
+"""Check of a set-up by a known addition to the joint: ``jointz verify``."""

@@ -26,7 +26,7 @@ def verify(
     figure: Figure = None,
     printing: Printing = Printing(),
 ) -> None:
-    """Prove a set-up: compare what was added to the joint with what the pulses show of it.
+    """Check a set-up: compare what was added to the joint with what the pulses show of it.
 
     Pulses without and with a band or a weight are explained as one leg.
     Exit status: 0 everybody passes, 1 somebody fails or nothing can be told, 2 bad input.

@@ -109,11 +109,11 @@ class Verification(PlottedResult):
     def _draw(self, axes: "Axes") -> None:
         """Draw every interval over what was stated, by person."""
         people = list(self.verdicts)
-        for k, (part, color) in enumerate(zip(PARTS, (BLUE, ORANGE), strict=True)):
+        drawn = [part for part in PARTS if any(r.part == part and r.stated for r in self.parts)]
+        for k, (part, color) in enumerate(zip(drawn, (BLUE, ORANGE), strict=False)):
             rows = [row for row in self.parts if row.part == part and row.stated]
-            if not rows:
-                continue
-            at = [people.index(row.participant) + 0.2 * (k - 0.5) for row in rows]
+            beside = 0.2 * (k - 0.5 * (len(drawn) - 1))
+            at = [people.index(row.participant) + beside for row in rows]
             found, low, high = (
                 np.array([100.0 * getattr(row, name) / row.stated for row in rows])
                 for name in ("found", "ci_low", "ci_high")
@@ -123,8 +123,9 @@ class Verification(PlottedResult):
         axes.axhline(100.0, color=INK, lw=0.8)
         labels = [f"{person}\n{self.verdicts[person]}" for person in people]
         axes.set_xticks(range(len(people)), labels)
+        axes.set_xlim(-0.6, len(people) - 0.4)
         axes.set_ylabel("Found, % of the addition")
-        axes.legend(frameon=False)
+        axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
     def summary(self) -> str:
         """Return a few lines of text."""

@@ -1,8 +1,7 @@
 """A known addition to a joint, from pulses with it and without it.
 
 Both are explained as one leg with one set of instruments: with the addition the joint has the same
-stiffness and inertia more at every timing point. What the instruments do to a leg they do to it
-twice, so that the difference is known better than either.
+stiffness and inertia more at every timing point. Errors of the instruments act on both and cancel.
 """
 
 from collections.abc import Mapping, Sequence

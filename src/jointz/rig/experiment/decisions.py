@@ -25,7 +25,8 @@ from jointz.rig.experiment.plan import PlannedPulse, written_pulse
 
 #: Strides from a question to its effect: an estimate takes some seconds.
 STRIDES_TO_DECIDE = 20
-#: A decision that comes never leaves the pulses beyond so many times the next question as planned.
+#: A decision moves the pulses until so many times the next question; those beyond stay as planned,
+#: in case there is no further decision.
 _AHEAD = 2
 Variant = tuple[str, str, float]
 #: What a decision changes of a pulse.
