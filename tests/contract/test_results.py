@@ -82,6 +82,7 @@ from jointz.results.statistics.comparison_rows import (
 from jointz.results.statistics.pulse_effect_tests import PulseEffects, PulseMeans, PulseTest
 from jointz.results.study_analysis import PopulationEstimate
 from jointz.rig.calibration.report import Calibration
+from jointz.verification.verify import AdditionResult, Verification
 
 # --- examples ------------------------------------------------------------------------------------
 
@@ -530,6 +531,16 @@ def nothing_pooled() -> PooledStudies:
     return PooledStudies(*(typed_table([], kinds) for kinds in COLUMNS.values()))
 
 
+def verification() -> Verification:
+    parts = (
+        AdditionResult("S01", "stiffness", 50.0, 1.0, 36.0, 29.0, 43.0, "fail", None),
+        AdditionResult("S01", "inertia", 0.0, 0.0, 0.01, -0.01, 0.03, "pass", None),
+        AdditionResult("S02", "stiffness", 50.0, 1.0, 51.0, 20.0, 82.0, "cannot tell", 1.8),
+    )
+    verdicts = {"S01": "fail", "S02": "cannot tell"}
+    return Verification(parts, verdicts, {"S01": 1e-4, "S02": 0.9}, {"S01": "the torque gain"})
+
+
 def inspection() -> Inspection:
     course = (0.0, 1.0, None, -0.5)
     angle = SeenChannel(
@@ -603,6 +614,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "mixed model": mixed_model_fit,
     "quasi-stiffness": quasi_stiffness_of_a_cycle,
     "quasi-stiffness beside stiffness": quasi_stiffness_compared,
+    "verification": verification,
+    "no leg fitted": lambda: Verification((), {"S01": "cannot tell"}, {"S01": None}, {}),
 }
 
 

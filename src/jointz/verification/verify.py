@@ -125,7 +125,8 @@ class Verification(PlottedResult):
         axes.set_xticks(range(len(people)), labels)
         axes.set_xlim(-0.6, len(people) - 0.4)
         axes.set_ylabel("Found, % of the addition")
-        axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+        if drawn:
+            axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
     def summary(self) -> str:
         """Return a few lines of text."""

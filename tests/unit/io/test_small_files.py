@@ -61,7 +61,7 @@ def use_protocol(file):
 def plan():
     content = tomllib.loads(protocol_text("walking_doublets"))
     content["expected_joint"] = {"stiffness": 80.0, "damping": 1.0, "inertia": 0.3}
-    content["planned_half_width_pct"] = {"stiffness": {"IS": 20.0}}
+    content["planned_half_width_pct"] = {"stiffness": {"ISW": 20.0}}
     return content
 
 

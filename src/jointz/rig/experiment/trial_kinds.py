@@ -217,7 +217,7 @@ class TrialKind:
     # whether an interrupted trial continues in a new stretch; otherwise it is repeated as a whole
     resumes: bool
 
-    def read_plan(self, folder: Path, events: Sequence[Event]) -> dict[str, tuple[Any, ...]]:
+    def read_plan(self, folder: Path, events: Sequence[Event] = ()) -> dict[str, tuple[Any, ...]]:
         """Return the plan that a session wrote down, trial by trial, with what was decided."""
         plan = read_twice(folder / PLAN_FILE)[0]
         return {
