@@ -54,9 +54,11 @@ def follow(
 
 
 def _give_way() -> None:
-    """Run only while nobody else wants a core: the control loop goes first."""
+    """Run only while nobody else wants a core, and not on one that was given to the session."""
     with suppress(AttributeError, OSError):  # Linux only
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+        if others := set(range(os.cpu_count() or 1)) - os.sched_getaffinity(0):
+            os.sched_setaffinity(0, others)
 
 
 def _has_new_pulse(journal: JournalTail) -> bool:
