@@ -472,7 +472,8 @@ const jointzConsole = (() => {
     if (event.problem) return event.problem;
     if (event.stop) return "every wanted half-width is reached: no more pulses";
     const most = Object.entries(event.shares).sort((a, b) => b[1] - a[1]).slice(0, 2);
-    return most.length ? `most of the next pulses to ${most.map(([point]) => point).join(", ")}` : "go on as planned";
+    const shares = most.map(([point, share]) => `${point} ${Math.round(100 * share)} %`);
+    return most.length ? `of the next pulses ${shares.join(", ")}` : "go on as planned";
   }
 
   function told() {
