@@ -43,7 +43,6 @@ def verify(
             found.to_frame().to_csv(partial, index=False)
     if figure is not None:
         save_drawn(lambda canvas: found.plot(canvas.subplots()), figure, found.FIGURE_SIZE)
-    passed = set(found.verdicts.values()) == {"pass"}
-    status = "pass" if passed else "fail" if "fail" in found.verdicts.values() else "cannot tell"
+    status = found.verdict
     emit_result(printing, {**found.to_dict(), "status": status}, found.summary())
-    raise typer.Exit(EXIT_OK if passed else EXIT_NO_ESTIMATE)
+    raise typer.Exit(EXIT_OK if status == "pass" else EXIT_NO_ESTIMATE)

@@ -1,7 +1,7 @@
 """Whether a set-up shows a known addition to the joint."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Final
@@ -102,6 +102,11 @@ class Verification(PlottedResult):
     p: Mapping[str, float | None]
     explanations: Mapping[str, str]
 
+    @property
+    def verdict(self) -> str:
+        """The worst verdict on any leg."""
+        return _worst(self.verdicts.values())
+
     def to_frame(self) -> pd.DataFrame:
         """Return a row for each participant and part."""
         return pd.DataFrame([{k: getattr(r, k) for k in r.__slots__} for r in self.parts])
@@ -190,8 +195,7 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
     except (DataError, np.linalg.LinAlgError) as exc:
         return Verification((), {leg: CANNOT_TELL}, {leg: None}, {leg: str(exc)})
     p, parts = _judged(leg, fit, addition)
-    verdicts = {part.verdict for part in parts}
-    verdict = next(one for one in (FAIL, CANNOT_TELL, PASS) if one in verdicts or one == PASS)
+    verdict = _worst(part.verdict for part in parts)
     texts = [f"a sensor contradicts the model: {found}" for found in fit.unlikely]
     if verdict == FAIL:
         explain = partial(explained_by, model, pair[0].priors, addition)
@@ -220,6 +224,10 @@ def _addition(study: Study) -> AdditionSpec:
             "kg*m^2, more than any knee has. Check the units."
         )
     return first
+
+
+def _worst(verdicts: Iterable[str]) -> str:
+    return max(verdicts, key=(PASS, CANNOT_TELL, FAIL).index)
 
 
 def _pair(study: Study, person: str, side: str) -> tuple[LegData, LegData]:

@@ -16,12 +16,11 @@ from jointz.core.protocols.protocol_models import LiveSpec
 from jointz.core.protocols.pulse_models import PulseVariant
 from jointz.rig.experiment.files.journal import (
     Event,
-    events_of,
     pulses_begun,
     pulses_done,
     pulses_withdrawn,
 )
-from jointz.rig.experiment.plan import PlannedPulse, written_pulse
+from jointz.rig.experiment.plan import PlannedPulse
 
 #: Strides from a question to its effect: an estimate takes some seconds.
 STRIDES_TO_DECIDE = 20
@@ -119,7 +118,7 @@ class Decisions:
         """Ask a question and return it with its number."""
         self._number += 1
         self._at_question = self.history.done.total()
-        self._question = {**question, "number": self._number}
+        self._question = {**question, "number": self._number, "n_done": self._at_question}
         self._settings.advisor.ask(self._question)
         return self._question
 
@@ -148,11 +147,8 @@ class Decisions:
         for i, point in zip(places, _spread(decision.shares, len(places), rng), strict=True):
             moved = replace(pulses[i], timing_point=point, gait_pct=self._points[point])
             if not moved.sham:
-                variants = [
-                    (point, one.shape, one.amplitude_nm)
-                    for one in self._settings.variants
-                    if (point, one.shape, one.amplitude_nm) not in history.withdrawn
-                ]
+                every = ((point, one.shape, one.amplitude_nm) for one in self._settings.variants)
+                variants = [variant for variant in every if variant not in history.withdrawn]
                 if not variants:  # this knee is too soft for any pulse there
                     continue
                 fewest = min(counts[variant] for variant in variants)
@@ -176,13 +172,6 @@ def _spread(shares: Mapping[str, float], count: int, rng: np.random.Generator) -
     return [point for _, point in sorted(places)]
 
 
-def written_pulses(
-    before: Iterable[PlannedPulse], after: Iterable[PlannedPulse]
-) -> list[dict[str, Any]]:
-    """Return what changed of a queue, as a journal holds it."""
-    return [written_pulse(new) for old, new in zip(before, after, strict=True) if old != new]
-
-
 def as_decided(plan: Sequence[Any], events: Sequence[Event], condition: str) -> tuple[Any, ...]:
     """Return the plan of a trial with what was decided since; on a bench that is nothing."""
     changes: dict[int, dict[str, Any]] = {}
@@ -201,21 +190,6 @@ def pulses_needed(plan: Iterable[Any], events: Sequence[Event], condition: str) 
     needed = {pulse.number for pulse in plan} - pulses_withdrawn(events, condition)
     stops = [place for place, event in enumerate(events) if is_stop(event, condition)]
     return needed & set(pulses_done(events[: stops[0]], condition)) if stops else needed
-
-
-def pulses_at_last_decision(
-    plan: Sequence[PlannedPulse], events: Sequence[Event], condition: str
-) -> int:
-    """Return how many pulses were done at the question of a trial's last decision."""
-    decided = {event["number"] for event in events_of(events, "decided", condition)}
-    places = [
-        place
-        for place, event in enumerate(events)
-        if (event["event"], event["condition"]) == ("decision_asked", condition)
-        and event["number"] in decided
-    ]
-    before = events[: places[-1]] if places else []
-    return PulseHistory.of_journal(plan, before, condition).done.total()
 
 
 def is_stop(event: Event, condition: str) -> bool:

@@ -7,7 +7,7 @@ from jointz.core.errors import SafetyStop
 from jointz.core.limits import ACTUATOR_LATE_S, LOOK_AHEAD_S
 from jointz.core.protocols.pulse_models import Pulse, name_of
 from jointz.core.protocols.pulse_waveform import PulseWaveform
-from jointz.rig.experiment.decisions import Decision, Decisions, PulseHistory, written_pulses
+from jointz.rig.experiment.decisions import Decision, Decisions, PulseHistory
 from jointz.rig.experiment.files.journal import Event, Journal
 from jointz.rig.experiment.gait.gait_watch import GaitWatch
 from jointz.rig.experiment.plan import PlannedPulse, written_pulse
@@ -96,9 +96,10 @@ class PulseRunner:
             slot=self._slot,
             stride=stride,
             number=question["number"],
+            n_done=question["n_done"],
             stop=decision.stop,
             shares=dict(decision.shares),
-            pulses=[] if decision.stop else written_pulses(before, after),
+            pulses=[written_pulse(pulse) for pulse in after if pulse not in before],
             **decision.about,
         )
         self._ended = decision.stop

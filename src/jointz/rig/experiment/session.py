@@ -40,7 +40,6 @@ from jointz.rig.experiment.decisions import (
     DecisionSettings,
     PulseHistory,
     is_stop,
-    pulses_at_last_decision,
     pulses_needed,
 )
 from jointz.rig.experiment.driver_errors import drivers_answer_for
@@ -269,7 +268,9 @@ class Session:
             history=PulseHistory.of_journal(planned, events, name),
             variants=variants_of(protocol.shapes),
             asked=max((e["number"] for e in events_of(events, "decision_asked", name)), default=0),
-            pulses_at_last=pulses_at_last_decision(planned, events, name),
+            pulses_at_last=max(
+                (e["n_done"] for e in events_of(events, "decided", name)), default=0
+            ),
             stopped=any(is_stop(event, name) for event in events),
         )
 

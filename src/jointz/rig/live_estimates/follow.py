@@ -81,17 +81,10 @@ def _answered(
     return decide(estimate, live, settings.protocol.wishes or {})
 
 
-def _estimate(
-    settings: RunSettings,
-    rig: Rig,
-    *,
-    question: Event | None = None,
-    last_fit: LastFit | None = None,
-) -> tuple[LiveEstimate | None, str]:
+def _estimate(settings: RunSettings, rig: Rig, **how: Any) -> tuple[LiveEstimate | None, str]:
     """Return an estimate, or why there is none: the session goes on without."""
     try:
-        estimate = partial(estimate_so_far, settings, rig, question=question, last_fit=last_fit)
-        return on_one_thread(estimate), ""
+        return on_one_thread(partial(estimate_so_far, settings, rig, **how)), ""
     except JointzError as exc:
         return None, str(exc)
     except Exception as exc:  # noqa: BLE001 - shown to the operator; the session goes on without

@@ -275,7 +275,7 @@ def test_a_damaged_line_of_a_decision_leaves_its_pulses_what_they_were(steered, 
 
 
 def test_a_pulse_that_is_broken_off_after_the_end_does_not_come_back():
-    question = {"condition": "x", "segment": 0, "slot": 0, "stride": 1, "number": 1}
+    question = {"condition": "x", "segment": 0, "slot": 0, "stride": 1, "number": 1, "n_done": 40}
     plan = PerturbationPlan(
         timing_points={"LRE": 90.0}, count_per_point=40, gap_strides=(1, 1), warm_up_strides=0
     )
