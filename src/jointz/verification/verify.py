@@ -196,7 +196,8 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
         return Verification((), {leg: CANNOT_TELL}, {leg: None}, {leg: str(exc)})
     p, parts = _judged(leg, fit, addition)
     verdict = _worst(part.verdict for part in parts)
-    texts = [f"a sensor contradicts the model: {found}" for found in fit.unlikely]
+    against = "; ".join(map(str, fit.unlikely))
+    texts = [f"sensors contradict the model: {against}"] if against else []
     if verdict == FAIL:
         explain = partial(explained_by, model, pair[0].priors, addition)
         texts.append(_explanation(on_one_thread(explain)))
