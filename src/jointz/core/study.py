@@ -31,7 +31,10 @@ _FORMULA = re.compile(r"(?:^|;)\s*([=+\-@])")  # a semicolon parts cells where a
 # Lengths beyond these were written in cm or mm.
 _TALLEST_PERSON_M = 3.0
 _LONGEST_LIMB_M = 2.0
-_CLOSEST_WEIGHT_M, _GRAVITY = 0.02, 9.81
+_CLOSEST_WEIGHT_M = 0.02
+GRAVITY = 9.81  # m/s^2
+#: Largest parts of an addition to a knee, N*m/rad and kg*m^2: more was written in another unit.
+MOST_ADDED = {"stiffness": 400.0, "inertia": 0.4}
 
 Condition = Literal["unperturbed", "perturbed", "no_device"]
 Baseline = Literal["pre_pulse", "unperturbed_mean", "matched_strides", "predicted"]
@@ -447,15 +450,21 @@ class AdditionSpec(_Model):
         entries = [x for x in (self.inertia, self.stiffness, self.gravity_nm) if x is not None]
         if not entries or any(entry.value <= 0.0 for entry in entries):
             raise ValueError("expected inertia, stiffness or gravity_nm above 0; leave out zeros")
-        if self.gravity_nm is not None:
-            inertia = 0.0 if self.inertia is None else self.inertia.value
-            distance_m = _GRAVITY * inertia / self.gravity_nm.value
-            if not _CLOSEST_WEIGHT_M <= distance_m <= _LONGEST_LIMB_M:
-                raise ValueError(
-                    "gravity_nm: m g d goes with the inertia m d^2 of the same weight; they give "
-                    f"d = {distance_m:.3g} m, expected {_CLOSEST_WEIGHT_M:g} to {_LONGEST_LIMB_M:g}"
-                )
+        distance_m = self.distance_m
+        if distance_m is not None and not _CLOSEST_WEIGHT_M <= distance_m <= _LONGEST_LIMB_M:
+            raise ValueError(
+                "gravity_nm: m g d goes with the inertia m d^2 of the same weight; they give "
+                f"d = {distance_m:.3g} m, expected {_CLOSEST_WEIGHT_M:g} to {_LONGEST_LIMB_M:g}"
+            )
         return self
+
+    @property
+    def distance_m(self) -> float | None:
+        """Distance of the weight from the joint, m; None without a weight."""
+        if self.gravity_nm is None:
+            return None
+        inertia = 0.0 if self.inertia is None else self.inertia.value
+        return GRAVITY * inertia / self.gravity_nm.value
 
 
 #: Half-widths that a plan expected: parameter -> timing point -> % of the value.

@@ -89,7 +89,7 @@ class RunReport(PlottedResult):
 
     @property
     def decided_text(self) -> str:
-        """What live estimates decided, "" for nothing."""
+        """Sentences about the decisions of live estimates, "" without any."""
         steered = [row for row in self.decisions if row["steered"]]
         stopped = [row for row in self.decisions if row["stopped"]]
         texts = []

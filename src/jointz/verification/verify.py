@@ -17,11 +17,10 @@ from jointz.analysis.participant_jobs import (
 )
 from jointz.core.errors import DataError
 from jointz.core.events import row_label
-from jointz.core.study import AdditionSpec, Study
+from jointz.core.study import MOST_ADDED, AdditionSpec, Study
 from jointz.identify.estimators import ParticipantData
 from jointz.identify.preparation.sources import RecordingInput, prepare_sources
 from jointz.identify.walking.addition import (
-    MOST,
     PARTS,
     AdditionFit,
     explained_by,
@@ -170,7 +169,7 @@ def verify(study: Study | str | os.PathLike[str]) -> Verification:
     opened = study if isinstance(study, Study) else open_study(study)
     addition = _addition(opened)
     legs = [(p.id, side) for p in opened.spec.participants for side in _sides(opened, p.id)]
-    found = [_verified(opened, addition, person, side) for person, side in legs]
+    found = [on_one_thread(partial(_verified, opened, addition, *leg)) for leg in legs]
     if not any(one.parts for one in found):
         raise DataError("; ".join(why for one in found for why in one.explanations.values()))
     return Verification(
@@ -189,9 +188,9 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
     """Return the verdict on one leg, also on one that cannot be fitted."""
     spec, leg = study.spec.participant(person), row_label(person, "", side)
     try:
-        pair = on_one_thread(partial(_pair, study, person, side))
+        pair = _pair(study, person, side)
         model = pair_model(*pair, addition, spec)
-        fit = on_one_thread(partial(fit_addition, model, pair[0].priors))
+        fit = fit_addition(model, pair[0].priors)
     except (DataError, np.linalg.LinAlgError) as exc:
         return Verification((), {leg: CANNOT_TELL}, {leg: None}, {leg: str(exc)})
     p, parts = _judged(leg, fit, addition)
@@ -199,8 +198,7 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
     against = "; ".join(map(str, fit.unlikely))
     texts = [f"sensors contradict the model: {against}"] if against else []
     if verdict == FAIL:
-        explain = partial(explained_by, model, pair[0].priors, addition)
-        texts.append(_explanation(on_one_thread(explain)))
+        texts.append(_explanation(explained_by(model, pair[0].priors, addition)))
     verdict = FAIL if fit.unlikely else verdict
     return Verification(
         tuple(parts), {leg: verdict}, {leg: p}, {leg: "; ".join(texts)} if texts else {}
@@ -219,10 +217,11 @@ def _addition(study: Study) -> AdditionSpec:
     if any(one.model_copy(update={"session": first.session}) != first for one in additions):
         raise DataError(f"{study.root}: additions: expected the same in all sessions.")
     stated, _ = stated_addition(first)
-    if any(stated > MOST):
+    if any(value > MOST_ADDED[part] for part, value in zip(PARTS, stated, strict=True)):
+        most = " and ".join(f"{MOST_ADDED[part]:g} {unit}" for part, unit in PARTS.items())
         raise DataError(
-            f"{study.root}: additions: expected at most {MOST[0]:g} N*m/rad and {MOST[1]:g} "
-            "kg*m^2, more than any knee has. Check the units."
+            f"{study.root}: additions: expected at most {most}, more than any knee has. Check the "
+            "units."
         )
     return first
 

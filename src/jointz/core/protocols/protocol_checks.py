@@ -13,6 +13,7 @@ from jointz.core.protocols.protocol_models import (
     ProtocolFields,
 )
 from jointz.core.protocols.pulse_models import Pulse, variants_of
+from jointz.core.study import MOST_ADDED
 
 #: Ticks and samples that a period of the fastest sine must hold.
 _SAMPLES_A_PERIOD = 10
@@ -130,10 +131,6 @@ def _bench_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
         yield Problem(("bench",), message)
 
 
-#: More than any knee has, N*m/rad and kg*m^2: another unit.
-_MOST_ADDED = {"stiffness": 400.0, "inertia": 0.4}
-
-
 def _loads_fit_kind(protocol: ProtocolFields) -> Iterator[Problem]:
     if not protocol.loads:
         return
@@ -155,7 +152,7 @@ def _loads_fit_kind(protocol: ProtocolFields) -> Iterator[Problem]:
                 "expected what is added in walking: mass_kg and distance_m, inertia or stiffness, "
                 "above 0. Add one of them, and remove damping and locked.",
             )
-        for name, most in _MOST_ADDED.items() if protocol.kind == "walking" else ():
+        for name, most in MOST_ADDED.items() if protocol.kind == "walking" else ():
             entry = load.properties.get(name)
             if entry is not None and entry.value > most:
                 message = f"expected at most {most:g} in SI units, got {entry.value:g}."

@@ -19,6 +19,7 @@ from jointz.core.protocols.pulse_models import (
 )
 from jointz.core.protocols.reference_signal_models import Reference
 from jointz.core.study import (
+    GRAVITY,
     Calibrated,
     ConditionField,
     Direction,
@@ -50,7 +51,6 @@ _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _LONGEST_NAME = 64
 #: Of a load that can be told from a locked output, and of any joint, SI units.
 _LARGEST = {"stiffness": 1e5, "damping": 1e3, "inertia": 1e3, "mass_kg": 20.0, "distance_m": 1.0}
-_GRAVITY = 9.81  # m/s^2
 _ZERO = Calibrated(value=0.0, sd=0.0)
 
 
@@ -84,7 +84,7 @@ class RatesSpec(CheckedModel):
             )
 
 
-def _as_list(value: Any) -> Any:
+def _as_tuple(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
 
 
@@ -359,11 +359,11 @@ class LoadSpec(CheckedModel):
     @property
     def gravity_nm(self) -> Calibrated:
         """Largest torque of gravity, m g d of a weight, N*m; 0 for a stated inertia."""
-        return self._of_weight(1, times=_GRAVITY)
+        return self._of_weight(1, times=GRAVITY)
 
     @property
     def properties(self) -> dict[str, Calibrated]:
-        """What it adds to a joint and is not zero, by the keys of a study's ``additions``."""
+        """Parts that are not zero, by their keys in ``additions`` of a study."""
         inertia, stiffness = self.added_inertia, self.stiffness or _ZERO
         entries = {"inertia": inertia, "stiffness": stiffness, "gravity_nm": self.gravity_nm}
         return {name: entry for name, entry in entries.items() if entry.value != 0.0}
@@ -409,10 +409,10 @@ class LiveSpec(CheckedModel):
     """Estimates while a session runs, and what they may change of it.
 
     ``planned_half_width_pct`` stands for K, B and J at all timing points; without it the table of
-    the protocol holds. No timing point is decided upon before it has ``fewest_pulses``.
+    the protocol holds. Pulses stop only when every timing point has ``fewest_pulses``.
     """
 
-    may: Annotated[tuple[LiveAction, ...], BeforeValidator(_as_list)] = Field(
+    may: Annotated[tuple[LiveAction, ...], BeforeValidator(_as_tuple)] = Field(
         default=("show",), min_length=1, strict=False
     )
     planned_half_width_pct: Positive | None = None
@@ -421,7 +421,7 @@ class LiveSpec(CheckedModel):
 
     @property
     def decides(self) -> bool:
-        """Whether an estimate changes the session."""
+        """True if estimates may steer or stop the session."""
         return bool({"steer", "stop"} & set(self.may))
 
 

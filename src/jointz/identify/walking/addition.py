@@ -13,7 +13,7 @@ import numpy as np
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES
 from jointz.core.priors import AnyPrior, NormalPrior, spread_of
-from jointz.core.study import AdditionSpec, Calibrated, ParticipantSpec
+from jointz.core.study import AdditionSpec, ParticipantSpec
 from jointz.identify.walking.bayesian_method import LegData
 from jointz.identify.walking.decisions import unlikely_instruments
 from jointz.identify.walking.estimands import mixed_moments
@@ -27,9 +27,6 @@ from jointz.results.unlikely_parameter import UnlikelyParameter
 
 #: Parts of an addition with their units, in the order of ``ADDED``.
 PARTS: Final[Mapping[str, str]] = {"stiffness": "N*m/rad", "inertia": "kg*m^2"}
-#: Largest parts that can be told.
-MOST: Final = np.array([400.0, 0.4])
-_GRAVITY: Final = 9.81
 #: Of an addition that is stated to be exact, and of a part that it does not have.
 _EXACT: Final = 1e-3
 #: Error -> sources of :mod:`jointz.identify.walking.information` that would be it; their priors
@@ -100,8 +97,8 @@ def explained_by(model: LegModel, priors: LegPriors, addition: AdditionSpec) -> 
     That of no error has the name "".
     """
     stated = {
-        "added_stiffness": _known(addition.stiffness, "added_stiffness"),
-        "added_inertia": _known(addition.inertia, "added_inertia"),
+        name: NormalPrior(mean=value / unit, sd=max(sd / unit, _EXACT))
+        for (name, unit), value, sd in zip(ADDED.items(), *stated_addition(addition), strict=True)
     }
     evidence = {}
     for error, names in {"": (), **ERRORS}.items():
@@ -121,11 +118,6 @@ def stated_addition(addition: AdditionSpec) -> tuple[np.ndarray, np.ndarray]:
     values = [(0.0, 0.0) if part is None else (part.value, part.sd) for part in parts]
     mean, sd = np.array(values).T
     return mean, sd
-
-
-def _known(part: Calibrated | None, name: str) -> NormalPrior:
-    value, sd = (0.0, 0.0) if part is None else (part.value, part.sd)
-    return NormalPrior(mean=value / ADDED[name], sd=max(sd / ADDED[name], _EXACT))
 
 
 def _wider(priors: LegPriors, name: str) -> AnyPrior:
@@ -172,10 +164,9 @@ def felt_inertia(
     pure inertia turns by s. The rest is the thigh's, which turns back and moves a weight with the
     knee in swing; in stance the shank turns about the ankle instead.
     """
-    weight = addition.gravity_nm
-    if weight is None or addition.inertia is None:
+    distance_m = addition.distance_m
+    if distance_m is None:
         return 0.0, 0.0, 1.0
-    distance_m = addition.inertia.value * _GRAVITY / weight.value
     if phase_pct < PHASES["PSW"][1]:
         below = segment_length("shank", height_m) / distance_m - 1.0
         return 0.0, 0.0, below**2

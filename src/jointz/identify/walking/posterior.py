@@ -91,18 +91,20 @@ class LastFit:
 
     def __init__(self, *, full_every: int) -> None:
         self._full_every = full_every
+        # parameters -> fit, and estimates since the last full one
         self._fits: dict[object, tuple[MapFit, int]] = {}
 
     def explain(self, model: LegModel, priors: LegPriors) -> LegPosterior:
         """Return the posterior, by one hypothesis where the last fit is of the same parameters."""
         key = (model.layout, priors.lag is None)
-        last, uses = self._fits.get(key, (None, 0))
-        if last is None or uses + 1 >= self._full_every:
-            posterior, uses = explain(model, priors), -1
+        last, n_since = self._fits.get(key, (None, 0))
+        if last is None or n_since == self._full_every - 1:
+            posterior = explain(model, priors)
+            self._fits[key] = posterior.best, 0
         else:
             fit = MapSearch(model, last.prior).fit(last.theta)
             posterior = LegPosterior(model, (fit,), np.ones(1))
-        self._fits[key] = posterior.best, uses + 1
+            self._fits[key] = fit, n_since + 1
         return posterior
 
 

@@ -34,7 +34,7 @@ _STEERED = ("timing_point", "gait_pct", "shape", "amplitude_nm")
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What an estimate decides about the pulses to come."""
+    """Decision of an estimate on the pulses to come."""
 
     stop: bool = False  # whether they are not needed
     # timing point -> share of the pulses to come; empty: as planned
@@ -56,7 +56,7 @@ class Advisor(Protocol):
 
 @dataclass(slots=True)
 class PulseHistory:
-    """What became of the pulses of a trial, earlier stretches included."""
+    """Pulses of a trial that were done, begun and withdrawn, earlier stretches included."""
 
     done: Counter[Variant] = field(default_factory=Counter)  # without shams
     begun: set[int] = field(default_factory=set)  # numbers of those that began
@@ -105,7 +105,7 @@ class Decisions:
 
     @property
     def is_due(self) -> bool:
-        """Whether it is time for a question."""
+        """True when enough pulses were done since the last question."""
         spec, n_done = self._settings.spec, self.history.done.total()
         if self._over or self._question is not None:
             return False

@@ -99,7 +99,12 @@ class PulseRunner:
             n_done=question["n_done"],
             stop=decision.stop,
             shares=dict(decision.shares),
-            pulses=[written_pulse(pulse) for pulse in after if pulse not in before],
+            # Pair by pair: a search of every pulse in the queue would cost the loop slots.
+            pulses=[
+                written_pulse(new)
+                for old, new in zip(before, after, strict=not decision.stop)
+                if new != old
+            ],
             **decision.about,
         )
         self._ended = decision.stop

@@ -1,4 +1,4 @@
-"""What a live estimate decides: whether the pulses are enough, and where the next ones go."""
+"""Decision by a live estimate: whether the pulses are enough, and where the next ones go."""
 
 from typing import Final
 

@@ -41,8 +41,8 @@ def follow(
     folder = settings.session_folder(opened.wearer.id)
     journal = JournalTail(folder / JOURNAL_FILE)
     live = settings.protocol.live
-    # Under a virtual clock a session waits for its decisions, and nobody looks on in between.
     last_fit = LastFit(full_every=_FULL_EVERY)
+    # Under a virtual clock a session waits for its decisions, and nobody looks on in between.
     looked_on = settings.clock == "real" or live is None or not live.decides
     with suppress(EOFError, ConnectionError):  # the session has ended
         while not ended.is_set() and (parent is None or parent.is_alive()):

@@ -46,13 +46,13 @@ class LiveValue:
 
     @property
     def holds(self) -> bool:
-        """Whether the half-width is as narrow as wished, or nothing is wished."""
+        """True if the half-width is as narrow as wished, or nothing is wished."""
         now = self.half_width_pct
         return self.wish_pct is None or (now is not None and now <= self.wish_pct)
 
     @property
     def out_of_reach(self) -> bool:
-        """Whether no number of pulses would fulfil the wish."""
+        """True if no number of pulses would fulfil the wish."""
         least, wish = self.least_pct, self.wish_pct
         return wish is not None and least is not None and least >= wish
 
