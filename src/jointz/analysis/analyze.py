@@ -252,7 +252,7 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
     questions = mass_questions(study, cells)
     cells = without_values_per_kg(cells, questions)
     methods = {m for r in results.values() for m in r.cells if m != method}
-    loaded = {addition.session for addition in study.spec.additions}
+    loaded = {addition.session for addition in study.spec.additions if addition.session}
     own = [cell for cell in cells if cell.session not in loaded]
     statistics = study_statistics(study, method, own, results.values())
     pulses = tuple(p for r in results.values() for p in r.pulses)

@@ -435,21 +435,27 @@ class PerturbationsSpec(_Model):
 
 
 class AdditionSpec(_Model):
-    """Known addition to the joint in the recordings of a session: a weight, a spring.
+    """Known addition to the joint: a weight or a spring in a session, on a bench a load.
 
     ``gravity_nm`` is the largest torque of gravity on it (weight times distance from the joint).
     """
 
-    session: TableName
+    session: TableName | None = None
+    participant: TableName | None = None
     inertia: Calibrated | None = None
     stiffness: Calibrated | None = None
+    damping: Calibrated | None = None
     gravity_nm: Calibrated | None = None
 
     @model_validator(mode="after")
     def _adds_something(self) -> "AdditionSpec":
-        entries = [x for x in (self.inertia, self.stiffness, self.gravity_nm) if x is not None]
+        every = (self.inertia, self.stiffness, self.damping, self.gravity_nm)
+        entries = [entry for entry in every if entry is not None]
         if not entries or any(entry.value <= 0.0 for entry in entries):
-            raise ValueError("expected inertia, stiffness or gravity_nm above 0; leave out zeros")
+            raise ValueError(
+                "expected inertia, stiffness, damping (bench) or gravity_nm (walking) above 0; "
+                "leave out zeros"
+            )
         distance_m = self.distance_m
         if distance_m is not None and not _CLOSEST_WEIGHT_M <= distance_m <= _LONGEST_LIMB_M:
             raise ValueError(
@@ -500,13 +506,20 @@ class StudySpec(_Model):
     additions: tuple[AdditionSpec, ...] = Field(default=(), strict=False)
 
     @model_validator(mode="after")
-    def _additions_belong_to_sessions(self) -> "StudySpec":
-        names = [addition.session for addition in self.additions]
-        for name in names:
-            if all(recording.session != name for recording in self.recordings):
-                raise ValueError(f"additions: no recording has session {name!r}; correct the name")
+    def _additions_were_recorded(self) -> "StudySpec":
+        key, foreign = {
+            "walking": ("session", ("participant", "damping")),
+            "bench": ("participant", ("session", "gravity_nm")),
+        }[self.kind]
+        names = [getattr(addition, key) for addition in self.additions]
+        for name, addition in zip(names, self.additions, strict=True):
+            if any(getattr(addition, other) is not None for other in foreign):
+                none = " and no ".join(foreign)
+                raise ValueError(f"additions: kind {self.kind!r} has no {none}; remove it")
+            if name is None or all(getattr(one, key) != name for one in self.recordings):
+                raise ValueError(f"additions: no recording has {key} {name!r}; correct the name")
             if names.count(name) > 1:
-                raise ValueError(f"additions: session {name!r} is given twice; state their sum")
+                raise ValueError(f"additions: {key} {name!r} is given twice; state their sum")
         return self
 
     @model_validator(mode="after")

@@ -28,7 +28,8 @@ def verify(
 ) -> None:
     """Check a set-up: compare what was added to the joint with what the pulses show of it.
 
-    Pulses without and with a band or a weight are explained as one leg.
+    Pulses without and with a band or a weight are explained as one leg; on a bench, loads are
+    compared with their estimates.
     Exit status: 0 everybody passes, 1 somebody fails or nothing can be told, 2 bad input.
 
     Example: jointz verify study --figure verify.svg

@@ -1,7 +1,7 @@
 """Whether a set-up shows a known addition to the joint."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Final
@@ -10,11 +10,13 @@ import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
+from jointz.analysis.analyze import analyze
 from jointz.analysis.participant_jobs import (
     participant_settings,
     read_participant,
     recommended_method,
 )
+from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.errors import DataError
 from jointz.core.events import row_label
 from jointz.core.study import MOST_ADDED, AdditionSpec, Study
@@ -31,8 +33,8 @@ from jointz.identify.walking.addition import (
 from jointz.identify.walking.bayesian_method import BayesianMethod, LegData
 from jointz.io.study_reader import open_study
 from jointz.results.base import Axes, PlottedResult
-from jointz.results.estimates import REACH_95, WIDEST
-from jointz.results.figure_style import BLUE, INK, ORANGE
+from jointz.results.estimates import REACH_95, WIDEST, CellEstimate
+from jointz.results.figure_style import BLUE, GREEN, INK, ORANGE
 from jointz.tasks.engine import on_one_thread
 
 PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
@@ -40,6 +42,8 @@ _BY_LEG: Final = ("verdicts", "p", "explanations")
 _LEVEL: Final = 0.95
 #: With less, no error is named.
 _LEAST_LOG_ODDS: Final = 2.0
+#: With more, labels of the figure stand upright.
+_MOST_LEVEL_LABELS: Final = 8
 #: No more than so many times the pulses are proposed.
 _MOST_TIMES: Final = 20.0
 
@@ -51,9 +55,9 @@ class AdditionResult:
     Parameters
     ----------
     participant : str
-        The person's id.
+        The person's id (and side); on a bench load and timing point.
     part : str
-        ``stiffness`` (N*m/rad) or ``inertia`` (kg*m^2).
+        ``stiffness`` (N*m/rad) or ``inertia`` (kg*m^2); on a bench also ``damping`` (N*m*s/rad).
     stated, stated_sd : float
         The addition as the study states it.
     found, ci_low, ci_high : float
@@ -82,15 +86,15 @@ class Verification(PlottedResult):
     Parameters
     ----------
     parts : tuple of AdditionResult
-        Stiffness and inertia of every participant.
+        Stiffness and inertia of every participant; on a bench what is stated of every load.
     verdicts : mapping of str to str
-        Participant (and side) -> ``fail`` if a part does or a sensor contradicts the model, else
-        ``cannot tell`` if a part does, else ``pass``.
+        Participant (and side), or load and timing point -> ``fail`` if a part does or a sensor
+        contradicts the model, else ``cannot tell`` if a part does, else ``pass``.
     p : mapping of str to float
-        Participant -> probability of a difference as large, if the set-up is right (of the part
-        that differs most, times two); None for those who could not be fitted.
+        The same -> probability of a difference as large, if the set-up is right (of the part that
+        differs most, times the number of parts); None for those that could not be fitted.
     explanations : mapping of str to str
-        Participant -> the error that explains a failure best, or why there was no fit.
+        The same -> the error that explains a failure best, or what could not be estimated.
     """
 
     SCHEMA: ClassVar[str] = "jointz.Verification/1"
@@ -113,8 +117,8 @@ class Verification(PlottedResult):
     def _draw(self, axes: "Axes") -> None:
         """Draw every interval over what was stated, by person."""
         people = list(self.verdicts)
-        drawn = [part for part in PARTS if any(r.part == part and r.stated for r in self.parts)]
-        for k, (part, color) in enumerate(zip(drawn, (BLUE, ORANGE), strict=False)):
+        drawn = list(dict.fromkeys(row.part for row in self.parts if row.stated))
+        for k, (part, color) in enumerate(zip(drawn, (BLUE, ORANGE, GREEN), strict=False)):
             rows = [row for row in self.parts if row.part == part and row.stated]
             beside = 0.2 * (k - 0.5 * (len(drawn) - 1))
             at = [people.index(row.participant) + beside for row in rows]
@@ -123,14 +127,21 @@ class Verification(PlottedResult):
                 for name in ("found", "ci_low", "ci_high")
             )
             bars = [found - low, high - found]
+            known = [100.0 * REACH_95 * row.stated_sd / row.stated for row in rows]
+            axes.errorbar(
+                at, np.full_like(found, 100.0), known, fmt="none", ecolor="0.85", elinewidth=5
+            )
             axes.errorbar(at, found, yerr=bars, fmt="o", color=color, ms=4.0, label=part)
         axes.axhline(100.0, color=INK, lw=0.8)
-        labels = [f"{person}\n{self.verdicts[person]}" for person in people]
-        axes.set_xticks(range(len(people)), labels)
+        upright = len(people) > _MOST_LEVEL_LABELS
+        labels = [
+            f"{person}{': ' if upright else chr(10)}{self.verdicts[person]}" for person in people
+        ]
+        axes.set_xticks(range(len(people)), labels, rotation=90.0 if upright else 0.0)
         axes.set_xlim(-0.6, len(people) - 0.4)
         axes.set_ylabel("Found, % of the addition")
         if drawn:
-            axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+            axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
 
     def summary(self) -> str:
         """Return a few lines of text."""
@@ -147,13 +158,14 @@ class Verification(PlottedResult):
 def verify(study: Study | str | os.PathLike[str]) -> Verification:
     """Compare a known addition to the joint with what the pulses show of it.
 
-    The recordings of the sessions that ``[[additions]]`` of the study names, and those of all
-    others, are explained as one leg with one set of instruments (docs/verify.md).
+    In walking the recordings of the sessions that ``[[additions]]`` of the study names, and those
+    of all others, are explained as one leg with one set of instruments; on a bench the estimates
+    of :func:`jointz.analyze` are compared with the loads as stated (docs/verify.md).
 
     Parameters
     ----------
     study : Study or path
-        A study of walking with ``[[additions]]``.
+        A study with ``[[additions]]``.
 
     Returns
     -------
@@ -163,15 +175,26 @@ def verify(study: Study | str | os.PathLike[str]) -> Verification:
     Raises
     ------
     DataError
-        When the study states no addition, additions differ, or pulses without or with it are
-        missing or cannot be used.
+        When the study states no addition, nothing could be estimated, or in walking additions
+        differ, or pulses without or with it are missing.
     """
     opened = study if isinstance(study, Study) else open_study(study)
-    addition = _addition(opened)
-    legs = [(p.id, side) for p in opened.spec.participants for side in _sides(opened, p.id)]
-    found = [on_one_thread(partial(_verified, opened, addition, *leg)) for leg in legs]
+    if not opened.spec.additions:
+        raise DataError(
+            f"{opened.root}: expected [[additions]] (session, or participant on a bench; inertia, "
+            "stiffness), found none. State what was added in which session, or the loads."
+        )
+    if opened.spec.kind == "bench":
+        loads = {str(one.participant): one for one in opened.spec.additions}
+        cells = [c for c in analyze(opened, progress=False).cells if c.participant in loads]
+        found = [_verified_load(cell, loads[cell.participant]) for cell in cells]
+    else:
+        addition = _addition(opened)
+        legs = [(p.id, side) for p in opened.spec.participants for side in _sides(opened, p.id)]
+        found = [on_one_thread(partial(_verified, opened, addition, *leg)) for leg in legs]
     if not any(one.parts for one in found):
-        raise DataError("; ".join(why for one in found for why in one.explanations.values()))
+        why = (f"{leg}: {why}" for one in found for leg, why in one.explanations.items())
+        raise DataError("; ".join(why))
     return Verification(
         tuple(row for one in found for row in one.parts),
         *({k: v for one in found for k, v in getattr(one, name).items()} for name in _BY_LEG),
@@ -192,8 +215,8 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
         model = pair_model(*pair, addition, spec)
         fit = fit_addition(model, pair[0].priors)
     except (DataError, np.linalg.LinAlgError) as exc:
-        return Verification((), {leg: CANNOT_TELL}, {leg: None}, {leg: str(exc)})
-    p, parts = _judged(leg, fit, addition)
+        return _untold(leg, exc)
+    p, parts = _judged(leg, fit, addition, tuple(PARTS))
     verdict = _worst(part.verdict for part in parts)
     against = "; ".join(map(str, fit.unlikely))
     texts = [f"sensors contradict the model: {against}"] if against else []
@@ -205,14 +228,44 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
     )
 
 
+def _untold(leg: str, why: object) -> Verification:
+    return Verification((), {leg: CANNOT_TELL}, {leg: None}, {leg: str(why)})
+
+
+def _verified_load(cell: CellEstimate, load: AdditionSpec) -> Verification:
+    """Return the verdict on a load of a bench at a timing point."""
+    case = row_label(cell.participant, cell.timing_point)
+    stated = [p for p in cell.parameters if getattr(load, p.name, None) is not None]
+    told = [p for p in stated if p.status == "ok"]
+    texts = [f"{p.name}: {p.status}" for p in stated if p.status != "ok"]
+    if not told:
+        return _untold(case, "; ".join(texts))
+    values = np.array([p.value for p in told], dtype=float)
+    sds = np.diff(np.array([p.ci for p in told], dtype=float))[:, 0] / (2.0 * REACH_95)
+    fit = AdditionFit(values, np.diag(sds**2), sds, ())
+    p, parts = _judged(case, fit, load, [one.name for one in told])
+    verdict = _worst([*(part.verdict for part in parts), *(CANNOT_TELL for _ in texts)])
+    if verdict == FAIL:
+        texts.append(_gain(parts))
+    return Verification(
+        tuple(parts), {case: verdict}, {case: p}, {case: "; ".join(texts)} if texts else {}
+    )
+
+
+def _gain(parts: Sequence[AdditionResult]) -> str:
+    """Tell whether a gain explains the failure of a load."""
+    ratios = np.array([[row.found, row.ci_low, row.ci_high] for row in parts])
+    ratios /= np.array([[row.stated] for row in parts])
+    low, high = ratios[:, 1].max(), ratios[:, 2].min()
+    if low > high:
+        return "no gain explains it: check lag and clocks, and the load as stated"
+    gain = np.median(ratios[:, 0])
+    return f"a gain of torque over angle {gain:.2f} times the right one would explain it"
+
+
 def _addition(study: Study) -> AdditionSpec:
     """Return the addition of all loaded sessions."""
     additions = study.spec.additions
-    if not additions or study.spec.kind != "walking":
-        raise DataError(
-            f"{study.root}: expected a study of walking with [[additions]] (session, and inertia, "
-            "stiffness or gravity_nm), found none. State what was added in which session."
-        )
     first = additions[0]
     if any(one.model_copy(update={"session": first.session}) != first for one in additions):
         raise DataError(f"{study.root}: additions: expected the same in all sessions.")
@@ -241,8 +294,7 @@ def _pair(study: Study, person: str, side: str) -> tuple[LegData, LegData]:
         if (entry.side or side) == side:
             groups[entry.session in loaded].append(recording)
     if not all(any(r.condition == "perturbed" for r in group) for group in groups):
-        leg = row_label(person, "", side)
-        raise DataError(f"{leg}: expected pulses without and with the addition.")
+        raise DataError("expected pulses without and with the addition.")
     method = BayesianMethod()
     without, with_addition = (
         method.leg_data(ParticipantData(person, prepare_sources(group, settings)), settings)
@@ -252,15 +304,15 @@ def _pair(study: Study, person: str, side: str) -> tuple[LegData, LegData]:
 
 
 def _judged(
-    leg: str, fit: AdditionFit, addition: AdditionSpec
+    leg: str, fit: AdditionFit, addition: AdditionSpec, names: Sequence[str]
 ) -> tuple[float, list[AdditionResult]]:
-    """Return the p-value of the part that differs most, for two parts, and both parts."""
-    stated, stated_sd = stated_addition(addition)
+    """Return the p-value of the part that differs most, for all parts, and the parts."""
+    stated, stated_sd = stated_addition(addition, names)
     sds = np.sqrt(np.diag(fit.covariance))
-    errors = np.hypot(sds, stated_sd)
-    p = np.minimum(len(PARTS) * 2.0 * norm.sf(np.abs(fit.mean - stated) / errors), 1.0)
+    errors, more = np.hypot(sds, stated_sd), np.hypot(fit.more_pulses, stated_sd)
+    p = np.minimum(len(names) * 2.0 * norm.sf(np.abs(fit.mean - stated) / errors), 1.0)
     rows = []
-    for k, part in enumerate(PARTS):
+    for k, part in enumerate(names):
         reach, wide = REACH_95 * sds[k], REACH_95 * errors[k] > WIDEST * stated[k] > 0.0
         rows.append(
             AdditionResult(
@@ -272,7 +324,7 @@ def _judged(
                 float(fit.mean[k] - reach),
                 float(fit.mean[k] + reach),
                 FAIL if p[k] < 1.0 - _LEVEL else CANNOT_TELL if wide else PASS,
-                _times_pulses(float(sds[k]), float(fit.more_pulses[k]), float(stated[k])),
+                _times_pulses(float(errors[k]), float(more[k]), float(stated[k])),
             )
         )
     return float(p.min()), rows
@@ -299,7 +351,7 @@ def _explanation(evidence: Mapping[str, float]) -> str:
 
 
 def _sentence(row: AdditionResult) -> str:
-    unit = PARTS[row.part]
+    unit = PARAMETER_UNITS[row.part]
     text = (
         f"{row.part}: {row.found:.3g} [{row.ci_low:.3g}, {row.ci_high:.3g}] {unit}, stated "
         f"{row.stated:.3g}: {row.verdict}"

@@ -139,7 +139,10 @@ def test_a_study_states_the_addition_of_a_session():
         ([{"session": "with", "stiffness": {"value": -1.0, "sd": 0.0}}], "above 0"),
         ([{"session": "later", "stiffness": STIFFNESS}], "no recording has session 'later'"),
         ([{"session": "with", "stiffness": STIFFNESS}] * 2, "'with' is given twice"),
-        ([{"session": "with", "damping": STIFFNESS}], "Extra inputs"),
+        (
+            [{"session": "with", "damping": STIFFNESS}],
+            "'walking' has no participant and no damping",
+        ),
     ],
 )
 def test_a_study_refuses_additions_that_it_cannot_use(additions, message):

@@ -109,7 +109,7 @@ def test_a_study_without_additions_is_refused(study, tmp_path):
     text = (study / "study.toml").read_text()
     at = text.index("[[additions]]")
     copy = changed(study, tmp_path, text[at : text.index("[[recordings]]", at)], "")
-    with pytest.raises(DataError, match=r"expected .* with \[\[additions\]\]"):
+    with pytest.raises(DataError, match=r"expected \[\[additions\]\]"):
         jz.verify(copy)
 
 

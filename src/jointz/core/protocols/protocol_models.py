@@ -365,7 +365,8 @@ class LoadSpec(CheckedModel):
     def properties(self) -> dict[str, Calibrated]:
         """Parts that are not zero, by their keys in ``additions`` of a study."""
         inertia, stiffness = self.added_inertia, self.stiffness or _ZERO
-        entries = {"inertia": inertia, "stiffness": stiffness, "gravity_nm": self.gravity_nm}
+        entries = {"inertia": inertia, "stiffness": stiffness, "damping": self.damping or _ZERO}
+        entries["gravity_nm"] = self.gravity_nm
         return {name: entry for name, entry in entries.items() if entry.value != 0.0}
 
     def _of_weight(self, power: int, times: float = 1.0) -> Calibrated:

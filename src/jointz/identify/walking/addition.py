@@ -112,9 +112,11 @@ def explained_by(model: LegModel, priors: LegPriors, addition: AdditionSpec) -> 
     return evidence
 
 
-def stated_addition(addition: AdditionSpec) -> tuple[np.ndarray, np.ndarray]:
-    """Return stiffness (N*m/rad) and inertia (kg*m^2) of an addition, and their sds."""
-    parts = (addition.stiffness, addition.inertia)
+def stated_addition(
+    addition: AdditionSpec, names: Sequence[str] = tuple(PARTS)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the parts of an addition by their names, SI, and their sds."""
+    parts = [getattr(addition, name) for name in names]
     values = [(0.0, 0.0) if part is None else (part.value, part.sd) for part in parts]
     mean, sd = np.array(values).T
     return mean, sd

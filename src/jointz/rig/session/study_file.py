@@ -158,13 +158,17 @@ def _recordings(participant: str, protocol: Protocol) -> list[str]:
 
 
 def _additions(protocol: Protocol) -> list[str]:
-    """Return a section for every session with a known addition to the joint."""
-    loads = protocol.condition_loads
-    sessions = {c.session or c.name: loads[c.name] for c in protocol.conditions if c.load}
+    """Return a section for every load of a bench, and session with a known addition."""
+    if protocol.cases_are_loads:
+        key, added = "participant", {load.name: load for load in protocol.loads}
+    else:
+        loads = protocol.condition_loads
+        key = "session"
+        added = {c.session or c.name: loads[c.name] for c in protocol.conditions if c.load}
     lines = []
-    for session, load in sessions.items():
-        entries = {name: entry.model_dump() for name, entry in load.properties.items()}
-        lines += ["", "[[additions]]", *_table({"session": session, **entries})]
+    for name, load in added.items():
+        entries = {part: entry.model_dump() for part, entry in load.properties.items()}
+        lines += ["", "[[additions]]", *_table({key: name, **entries})] if entries else []
     return lines
 
 
