@@ -186,13 +186,8 @@ def _record(study: Path, protocol: Protocol, mechanism: Mechanism, seed: int) ->
     report: dict[str, Any] = {}
     for rig in rigs:
         report = run_participant(rig, settings, operator=NoOperator(), progress=_silent)
-    text = study_toml(
-        protocol,
-        [rig.wearer for rig in rigs],
-        {rig.wearer.id: rig.calibration for rig in rigs},
-        None,
-        devices=report["devices"],
-    )
+    known = [rig.calibration for rig in rigs]
+    text = study_toml(protocol, rigs, known, None, devices=report["devices"])
     (study / "study.toml").write_text(text, encoding="utf-8")
 
 

@@ -17,6 +17,7 @@ from jointz.analysis.participant_jobs import participant_settings, read_particip
 from jointz.core.codes import LISTED
 from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
+from jointz.core.grouping import by_key
 from jointz.core.method_names import BAYESIAN, COUPLING_OF, FULL_RECORD, RIGID, method_called
 from jointz.core.study import Study, UserExclusion
 from jointz.identify.estimators import METHODS, ParticipantData
@@ -279,9 +280,7 @@ def _with_surroundings(
     windows: Mapping[PulseKey, Mapping[str, Window]],
 ) -> dict[PulseKey, PulseTrace]:
     """Add the recording around each pulse, as in its file."""
-    files: dict[str, list[Source]] = {}
-    for source in sources:
-        files.setdefault(source.input.file, []).append(source)
+    files = by_key((source.input.file, source) for source in sources)
     traces = {}
     for pulse in pulses:
         key = PulseKey.of(pulse)

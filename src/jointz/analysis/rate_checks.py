@@ -9,6 +9,7 @@ import xarray as xr
 from jointz.core.channels import HEEL_STRIKES
 from jointz.core.errors import DataError
 from jointz.core.events import StrideRecord
+from jointz.core.grouping import by_key
 from jointz.core.study import RecordingSpec, Study
 from jointz.gait.heel_strikes import find_heel_strikes
 from jointz.gait.pulse_lengths import rate_of_lengths
@@ -106,10 +107,8 @@ def _is_stamped(study: Study) -> bool:
 
 def stride_warnings(strides: Sequence[StrideRecord]) -> list[str]:
     """Return a warning for each recording whose accepted strides are not those of walking."""
-    lengths: dict[tuple[str, str], list[float]] = {}
-    for stride in strides:
-        if not stride.code:
-            lengths.setdefault((stride.participant, stride.recording), []).append(stride.duration_s)
+    accepted = (stride for stride in strides if not stride.code)
+    lengths = by_key(((s.participant, s.recording), s.duration_s) for s in accepted)
     return [
         f"{person}, {file}: strides last {median:.3g} s (median); {_EXPECTED}. Is the unit of time "
         "right, and the rate of the recorder? K, B, J and their status hold only if it is."

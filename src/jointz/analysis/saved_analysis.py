@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import xarray as xr
 
@@ -17,11 +17,8 @@ from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import CHECKSUMS, MARKER
 from jointz.io.small_files import LARGEST_RESULTS, read_json
 from jointz.io.study_reader import open_study
-from jointz.results.figure_style import WIDTH_MM
+from jointz.results.figure_style import WIDTH_MM, Figure
 from jointz.results.study_analysis import StudyAnalysis
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _AGAIN = "Analyse the study again: jointz analyze."
 

@@ -14,6 +14,7 @@ from jointz.analysis.rate_checks import stride_warnings
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.grouping import by_key
 from jointz.core.method_names import FULL_RECORD, PULSE_LIKELIHOOD, WITH_POSTERIOR
 from jointz.core.study import Study
 from jointz.identify.over_cycle.stride_curves import StrideCurves
@@ -158,10 +159,7 @@ def _sign_notes(cells: Sequence[CellEstimate]) -> list[str]:
 
 def _method_notes(method: str, cells: Sequence[CellEstimate]) -> list[str]:
     """Name the cells that needed another method than the chosen one."""
-    others: dict[str, list[CellEstimate]] = {}
-    for cell in cells:
-        if cell.method != method:
-            others.setdefault(cell.method, []).append(cell)
+    others = by_key((cell.method, cell) for cell in cells if cell.method != method)
     return [
         f"{_names(some)}: estimated by the method {used} instead of {method}, because the "
         "recording contains several cases."

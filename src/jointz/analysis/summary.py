@@ -6,6 +6,7 @@ from itertools import zip_longest
 from typing import Final
 
 from jointz.core.channels import pretty_unit
+from jointz.core.grouping import by_key
 from jointz.identify.walking.coupling import COUPLINGS, Coupling
 from jointz.report.subjects import subjects
 from jointz.report.wording import format_count, format_number, parameter_name
@@ -118,10 +119,8 @@ def mean_over_people_note(analysis: StudyAnalysis) -> str:
 
 def _merged(texts: Iterable[str]) -> list[str]:
     """Join texts that differ in numbers only: over 48 pulses, over 50 -> over 48 to 50."""
-    kinds: dict[tuple[str, ...], list[list[str]]] = {}
-    for text in texts:
-        parts = _NUMBER.split(text)
-        kinds.setdefault(tuple(parts[::2]), []).append(parts[1::2])
+    split = (_NUMBER.split(text) for text in texts)
+    kinds = by_key((tuple(parts[::2]), parts[1::2]) for parts in split)
     return ["".join(_interleaved(words, numbers)) for words, numbers in kinds.items()]
 
 

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import pandas as pd
 
+from jointz.core.grouping import by_key
 from jointz.results.base import Axes, PlottedResult
 from jointz.results.statistics.comparison_rows import (
     UNDECIDED,
@@ -94,10 +95,8 @@ class Comparison(PlottedResult):
 
         Undecided people count where all people are looked at together.
         """
-        without: dict[tuple[str, str, str], list[PersonValue]] = {}
-        for v in self.values:
-            if v.value is None:
-                without.setdefault((v.source, v.parameter, v.timing_point), []).append(v)
+        lacking = (v for v in self.values if v.value is None)
+        without = by_key(((v.source, v.parameter, v.timing_point), v) for v in lacking)
         missing = []
         for m in self.means:
             values = without.get((m.source, m.parameter, m.timing_point), [])

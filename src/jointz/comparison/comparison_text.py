@@ -1,5 +1,6 @@
 """Tables of a comparison, and of a mixed model, for a terminal."""
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -150,18 +151,9 @@ def fit_dict(fit: MixedModelFit, *, adjust: str, error: str) -> dict[str, Any]:
     """Return a mixed model with its pairs for JSON."""
     rows = fit.pairs(adjust, error=error).to_dict("records")
     plain = fit.to_dict() | {"formula": fit.formula, "adjust": adjust, "error": error}
-    return _finite({**plain, "pairs": rows})  # type: ignore[no-any-return]
-
-
-def _finite(value: Any) -> Any:
-    """Return plain values, with None for numbers that JSON does not have."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+    text = json.dumps({**plain, "pairs": rows})
+    finite: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)  # NaN, infinity
+    return finite
 
 
 # --- cells ---------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from jointz.analysis.pulse_traces import is_about
 from jointz.core import provenance
 from jointz.core.errors import DataError, WriteError
 from jointz.core.events import PulseRecord
+from jointz.core.grouping import by_key
 from jointz.core.study import Study, UserExclusion, name_problem
 from jointz.core.whole_file import whole_file
 from jointz.io.study_reader import open_study
@@ -28,9 +29,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 def excluded(study: Study, pulses: Iterable[PulseRecord]) -> list[bool]:
     """Return whether the user excluded each pulse; the last line about it counts."""
-    by_file: dict[tuple[str, str], list[UserExclusion]] = {}
-    for line in reversed(study.user_exclusions):
-        by_file.setdefault((line.participant, line.recording), []).append(line)
+    by_file = by_key(((x.participant, x.recording), x) for x in reversed(study.user_exclusions))
     last = (
         next((x for x in by_file.get((p.participant, p.recording), ()) if is_about(x, p)), None)
         for p in pulses

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jointz.core.channels import CHANNEL_UNITS, CONDITIONS, MOTION_SENSORS
+from jointz.core.grouping import by_key
 from jointz.core.units import conversion, si_unit_of
 from jointz.inspection.content import Column
 from jointz.inspection.names import (
@@ -158,10 +159,8 @@ def assign_channels(
 
 def _main_axes(columns: Sequence[InspectedColumn]) -> list[InspectedColumn]:
     """Return columns, of three axes of an angle or a moment only one that turns far more."""
-    points: dict[str, list[InspectedColumn]] = {}
-    for column in columns:
-        if found := _AXIS_AT_END.fullmatch(column.title):
-            points.setdefault(found[1], []).append(column)
+    ends = ((_AXIS_AT_END.fullmatch(column.title), column) for column in columns)
+    points = by_key((end[1], column) for end, column in ends if end)
     kept = {id(c): c for c in columns}
     for name, axes in points.items():
         best = max(axes, key=_span)

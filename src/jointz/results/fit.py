@@ -14,12 +14,17 @@ from jointz.results.estimates import ParameterEstimate
 SYMBOLS = {name: PARAMETER_NAMES[name][1] for name in ("stiffness", "damping", "inertia")}
 
 
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Fit(ParameterResult[ParameterEstimate]):
-    """Base of fits; JSON holds their parameters by name."""
+    """Base of fits; JSON holds their parameters by name. A subclass describes the fields."""
 
-    __slots__ = ()
     #: Properties of the fit that every row of its table repeats.
     COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "model", "estimator")
+
+    parameters: tuple[ParameterEstimate, ...]
+    vaf_pct: float
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row per parameter."""
@@ -36,7 +41,8 @@ class Fit(ParameterResult[ParameterEstimate]):
             name, low, high = (entry.pop(key) for key in ("name", "ci_low", "ci_high"))
             unit = self.parameter(name).unit
             by_name[name] = entry | {"unit": unit, "ci": [low, high]}
-        return super().to_dict() | {"parameters": by_name}
+        # Without arguments, super means the class before ``slots`` made it anew.
+        return super(Fit, self).to_dict() | {"parameters": by_name}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -45,18 +51,16 @@ class Fit(ParameterResult[ParameterEstimate]):
             {**entry, "name": name, "ci_low": entry["ci"][0], "ci_high": entry["ci"][1]}
             for name, entry in checked_values(data, cls.SCHEMA)["parameters"].items()
         ]
-        return super().from_dict({**data, "parameters": parameters})
+        return super(Fit, cls).from_dict({**data, "parameters": parameters})
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class RecordFit(Fit):
-    """Base of fits of one record of a joint; a subclass describes the fields."""
+    """Base of fits of one record of a joint."""
 
     model: str
     estimator: str
     input: str
-    parameters: tuple[ParameterEstimate, ...]
-    vaf_pct: float
     vaf_of: str
     status: str
     n_samples: int
@@ -65,8 +69,6 @@ class RecordFit(Fit):
     condition_number: float
     covariance: tuple[tuple[float, ...], ...]
     ci_method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
 
 
 def parameter_line(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointz.core.gait_phases import mean_phase
+from jointz.core.grouping import by_key
 
 if TYPE_CHECKING:
     from jointz.results.estimates import CellEstimate, ParameterEstimate
@@ -20,9 +21,7 @@ def person_cells(cells: Sequence["CellEstimate"]) -> tuple["CellEstimate", ...]:
     recommended method undecided cells count by their unbounded value, and the average is undecided
     where one of them is; of other methods only values that stand count.
     """
-    groups: dict[tuple[str, str, str], list[CellEstimate]] = {}
-    for cell in cells:
-        groups.setdefault((cell.participant, cell.timing_point, cell.method), []).append(cell)
+    groups = by_key(((c.participant, c.timing_point, c.method), c) for c in cells)
     return tuple(
         cells_of_group[0] if len(cells_of_group) == 1 else _average(cells_of_group)
         for cells_of_group in groups.values()

@@ -7,6 +7,7 @@ import numpy as np
 
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.gait_phases import phase_difference
+from jointz.core.grouping import by_key
 from jointz.results.estimates import CellEstimate
 
 
@@ -43,10 +44,7 @@ def stride_summary(
     strides: Sequence[StrideRecord], gaps: Sequence[GapRecord]
 ) -> list[dict[str, Any]]:
     """Return how many strides each recording holds, their mean, and its gaps."""
-    groups: dict[tuple[str, str, str], list[StrideRecord]] = {}
-    for stride in strides:
-        key = (stride.participant, stride.recording, stride.condition)
-        groups.setdefault(key, []).append(stride)
+    groups = by_key(((s.participant, s.recording, s.condition), s) for s in strides)
     return [_summary(key, rows, gaps) for key, rows in groups.items()]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from jointz.core.codes import Exclusion
 from jointz.core.events import StrideRecord
+from jointz.core.grouping import by_key
 from jointz.report.style import (
     legend_line,
     new_figure,
@@ -88,9 +89,8 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
 
 def strides_with_pulse(analysis: StudyAnalysis) -> set[tuple[str, str, float]]:
     """Return the strides in which a pulse begins, or that were excluded for a pulse."""
-    onsets: dict[tuple[str, str], list[float]] = {}
-    for pulse in sorted(analysis.pulses, key=lambda pulse: pulse.onset_s):
-        onsets.setdefault((pulse.participant, pulse.recording), []).append(pulse.onset_s)
+    pulses = sorted(analysis.pulses, key=lambda pulse: pulse.onset_s)
+    onsets = by_key(((p.participant, p.recording), p.onset_s) for p in pulses)
     return {
         (s.participant, s.recording, s.start_s)
         for s in analysis.strides
@@ -128,10 +128,7 @@ def draw_onset_accuracy(analysis: StudyAnalysis) -> "Figure | None":
 
 def _stride_grid(strides: Sequence[StrideRecord]) -> _Grid:
     """Group strides by participant and repetition of a condition, then by condition."""
-    recordings: dict[tuple[str, str, str], list[StrideRecord]] = {}
-    for stride in strides:
-        key = (stride.participant, stride.condition, stride.recording)
-        recordings.setdefault(key, []).append(stride)
+    recordings = by_key(((s.participant, s.condition, s.recording), s) for s in strides)
     repeats: Counter[tuple[str, str]] = Counter()
     grid: dict[tuple[str, int], dict[str, list[StrideRecord]]] = {}
     for (person, condition, _), own in recordings.items():

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import pandas as pd
 
@@ -20,13 +20,11 @@ from jointz.analysis.page.impedance_figures import (
 from jointz.analysis.page.method_figures import draw_methods, draw_truth
 from jointz.analysis.page.response_figures import draw_response_overview, draw_responses
 from jointz.core.errors import DataError
+from jointz.core.grouping import by_key
 from jointz.report.html_page import page_figures
 from jointz.report.style import to_pdf, to_svg
-from jointz.results.figure_style import WIDTH_MM, figure_style
+from jointz.results.figure_style import WIDTH_MM, Figure, figure_style
 from jointz.results.study_analysis import StudyAnalysis
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Format = TypeVar("Format")
 
@@ -153,10 +151,7 @@ def figures_by_section(
         if figure.section and name in svgs and name != left_out
     }
     numbered = page_figures((n, svgs[n], f.heading, texts[n]) for n, f in shown.items())
-    sections: dict[str, list[dict[str, Any]]] = {}
-    for name, figure in numbered.items():
-        sections.setdefault(shown[name].section, []).append(figure)
-    return sections
+    return by_key((shown[name].section, figure) for name, figure in numbered.items())
 
 
 def _to_picture(figure: "Figure", *, pdf: bool) -> Picture:

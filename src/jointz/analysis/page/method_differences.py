@@ -8,6 +8,7 @@ import numpy as np
 
 from jointz.analysis.summary import used_coupling
 from jointz.core.events import row_label
+from jointz.core.grouping import by_key
 from jointz.core.method_names import DISSERTATION
 from jointz.identify.preparation.calibration import value_of
 from jointz.kernels.filtering import lowpass_zero_phase
@@ -234,11 +235,8 @@ def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> _Row:
 
 def _inertia_spread(cells: Sequence[CellEstimate]) -> str | None:
     """Return the largest over the smallest inertia of a participant, the median over them."""
-    inertias: dict[str, list[float]] = {}
-    for cell in cells:
-        estimate = cell.parameter("inertia")
-        if estimate is not None and estimate.available and estimate.value:
-            inertias.setdefault(cell.label, []).append(estimate.value)
+    known = ((cell.label, cell.inertia) for cell in cells)
+    inertias = by_key((label, j.value) for label, j in known if j and j.available and j.value)
     ratios = [max(v) / min(v) for v in inertias.values() if len(v) > 1]
     return format_number(float(np.median(ratios))) if ratios else None
 

@@ -36,6 +36,7 @@ from jointz.analysis.summary import (
     used_coupling,
 )
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.grouping import by_key
 from jointz.core.method_names import WITH_POSTERIOR
 from jointz.report.html_page import render_template
 from jointz.report.subjects import subjects
@@ -265,9 +266,7 @@ def _recordings(analysis: StudyAnalysis) -> list[Row]:
     rows = [dict(row) for row in analysis.statistics.get("strides", ())]
     if rows:
         return rows
-    gaps: dict[tuple[str, str], list[float]] = {}
-    for gap in analysis.gaps:
-        gaps.setdefault((gap.participant, gap.recording), []).append(gap.duration_s)
+    gaps = by_key(((gap.participant, gap.recording), gap.duration_s) for gap in analysis.gaps)
     return [
         {"participant": p, "recording": r, "n_gaps": len(own), "longest_gap_s": max(own)}
         for (p, r), own in gaps.items()
@@ -276,9 +275,7 @@ def _recordings(analysis: StudyAnalysis) -> list[Row]:
 
 def _conditions(recordings: Sequence[Row]) -> list[Row]:
     """Return a row for each condition with the totals of its recordings."""
-    rows: dict[str, list[Row]] = {}
-    for row in recordings:
-        rows.setdefault(str(row.get("condition") or DASH), []).append(row)
+    rows = by_key((str(row.get("condition") or DASH), row) for row in recordings)
     return [
         {
             "condition": condition,

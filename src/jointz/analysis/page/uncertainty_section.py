@@ -14,6 +14,7 @@ from jointz.analysis.page.withheld_values import (
 )
 from jointz.analysis.summary import used_coupling
 from jointz.core.channels import pretty_unit
+from jointz.core.grouping import by_key
 from jointz.core.method_names import WITH_POSTERIOR
 from jointz.identify.walking.coupling import Coupling
 from jointz.identify.walking.decisions import with_model_error
@@ -62,10 +63,9 @@ def uncertainty_section(analysis: StudyAnalysis) -> _Row | None:
 
 def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
     """Join rows of one parameter, main reason and main remedy, and say where they occur."""
-    kinds: dict[tuple[str, ...], list[Mapping[str, str]]] = {}
-    for row in rows:
-        kind = row["parameter"], main_part(row["why"]), main_part(row["remedy"])
-        kinds.setdefault(kind, []).append(row)
+    kinds = by_key(
+        ((row["parameter"], main_part(row["why"]), main_part(row["remedy"])), row) for row in rows
+    )
     return [
         {
             "where": _where(own),
@@ -86,9 +86,7 @@ def main_part(text: str) -> str:
 
 
 def _where(rows: Sequence[Mapping[str, str]]) -> str:
-    points: dict[str, list[str]] = {}
-    for row in rows:
-        points.setdefault(row["participant"], []).append(row["name"])
+    points = by_key((row["participant"], row["name"]) for row in rows)
     return "; ".join(f"{who} {', '.join(own)}" for who, own in points.items())
 
 

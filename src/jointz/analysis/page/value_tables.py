@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.grouping import by_key
 from jointz.report.subjects import timing_points
 from jointz.report.wording import format_interval, point_name
 from jointz.results.estimates import CellEstimate
@@ -20,9 +21,7 @@ def point_order(cells: Sequence[CellEstimate]) -> list[str]:
 def cells_by_person(cells: Sequence[CellEstimate]) -> dict[str, list[CellEstimate]]:
     """Return each person's cells in the order of the cycle."""
     order = {name: k for k, name in enumerate(point_order(cells))}
-    people: dict[str, list[CellEstimate]] = {}
-    for cell in sorted(cells, key=lambda c: order[c.timing_point]):
-        people.setdefault(cell.label, []).append(cell)
+    people = by_key((c.label, c) for c in sorted(cells, key=lambda c: order[c.timing_point]))
     return {label: people[label] for label in dict.fromkeys(c.label for c in cells)}
 
 

@@ -17,6 +17,7 @@ from jointz.analysis.summary import (
 )
 from jointz.core.channels import PARAMETER_UNITS, axis_label, pretty_unit
 from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.grouping import by_key
 from jointz.report.subjects import nobody_perturbed, subjects, timing_points
 from jointz.report.wording import (
     ABSOLUTE,
@@ -123,10 +124,7 @@ def _estimate_row(
 
 def _reasons(estimates: Iterable[ParameterEstimate]) -> str:
     """Name the parameters of a row without a value, and the reasons."""
-    by_status: dict[str, list[str]] = {}
-    for estimate in estimates:
-        if estimate.status != "ok":
-            by_status.setdefault(estimate.status, []).append(PARAMETERS[estimate.name][1])
+    by_status = by_key((p.status, PARAMETERS[p.name][1]) for p in estimates if p.status != "ok")
     return "; ".join(
         f"{', '.join(symbols)} {_status_word(status)}" for status, symbols in by_status.items()
     )

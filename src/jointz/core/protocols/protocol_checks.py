@@ -1,10 +1,10 @@
 """Checks between the parts of a protocol, and its duration."""
 
-from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from itertools import chain
 
 from jointz.core.checked_model import Problem
+from jointz.core.grouping import by_key
 from jointz.core.protocols.bench_timing import onsets_in_cycle
 from jointz.core.protocols.protocol_models import (
     ASSUMED_STRIDE_S,
@@ -90,10 +90,7 @@ def _loads_unique(protocol: ProtocolFields) -> Iterator[Problem]:
 
 def _repeated(key: str, names: Iterable[str]) -> Iterator[Problem]:
     """Yield repeated names; names become file names, and some disks do not distinguish A and a."""
-    spellings = defaultdict(list)
-    for name in names:
-        spellings[name.lower()].append(name)
-    for same in spellings.values():
+    for same in by_key((name.lower(), name) for name in names).values():
         if len(set(same)) > 1:
             message = f"names {' and '.join(map(repr, dict.fromkeys(same)))} differ in case only."
             yield Problem((key,), f"{message} Give one of them another name.")

@@ -11,7 +11,7 @@ from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
 from math import gcd
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -27,15 +27,13 @@ _NOISE_REACH_SD = 3.0
 class _Reference(CheckedModel):
     """Base of references."""
 
+    #: Whether it ends after one cycle, which then sets the condition's duration.
+    runs_out: ClassVar[bool] = False
+
     @property
     def cycle_s(self) -> float | None:
         """Period, s; None if it never repeats."""
         return None
-
-    @property
-    def runs_out(self) -> bool:
-        """Whether it ends after one cycle, which then sets the condition's duration."""
-        return False
 
     @property
     def fastest_hz(self) -> float:
@@ -111,6 +109,8 @@ class Sweep(CheckedModel):
 class Chirps(_Reference):
     """Sweeps, one after the other."""
 
+    runs_out: ClassVar[bool] = True
+
     kind: Literal["chirps"]
     sweeps: tuple[Sweep, ...] = Field(min_length=1, strict=False)
     offset: float = 0.0
@@ -119,11 +119,6 @@ class Chirps(_Reference):
     def cycle_s(self) -> float:
         """Duration of all sweeps, s."""
         return sum(sweep.duration_s for sweep in self.sweeps)
-
-    @property
-    def runs_out(self) -> bool:
-        """Always true."""
-        return True
 
     @property
     def fastest_hz(self) -> float:
@@ -164,6 +159,8 @@ class Noise(_Reference):
 class Steps(_Reference):
     """Levels, each held for the same time."""
 
+    runs_out: ClassVar[bool] = True
+
     kind: Literal["steps"]
     levels: tuple[float, ...] = Field(min_length=1, strict=False)
     hold_s: Positive
@@ -172,11 +169,6 @@ class Steps(_Reference):
     def cycle_s(self) -> float:
         """Duration of all levels, s."""
         return len(self.levels) * self.hold_s
-
-    @property
-    def runs_out(self) -> bool:
-        """Always true."""
-        return True
 
     @property
     def bounds(self) -> tuple[float, float]:

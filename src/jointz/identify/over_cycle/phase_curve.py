@@ -14,6 +14,7 @@ from scipy.special import stdtrit
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.gait_phases import mean_phase
+from jointz.core.grouping import by_key
 from jointz.core.method_names import WITH_POSTERIOR
 from jointz.core.provenance import software
 from jointz.identify.walking.coupling import COUPLINGS, ModelError
@@ -389,9 +390,7 @@ def _mean_band(
     analysis: StudyAnalysis, curves: Sequence[_Curve], name: str
 ) -> ParameterBand | None:
     """Return the mean over the people's curves, None for too few of them."""
-    people: dict[str, list[_Curve]] = {}
-    for curve in curves:
-        people.setdefault(curve.points.posterior.participant, []).append(curve)
+    people = by_key((curve.points.posterior.participant, curve) for curve in curves)
     n = len(people)
     if n < FEWEST_PEOPLE:
         return None

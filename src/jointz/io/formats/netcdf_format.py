@@ -15,7 +15,6 @@ Of the formats that jointz writes this one holds everything. The layout, for oth
 import hashlib
 import json
 import re
-from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import chain
@@ -26,6 +25,7 @@ import numpy as np
 import xarray as xr
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.grouping import by_key
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import (
     RawTable,
@@ -72,7 +72,6 @@ class NetcdfFormat:
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested variables; fill values become NaN, packed ones are unpacked."""
-        by_group: dict[str, list[str]] = defaultdict(list)
         variables: dict[str, xr.DataArray] = {}
         clocks: dict[str, np.ndarray] = {}
         with _opened(path) as file:
@@ -80,8 +79,7 @@ class NetcdfFormat:
             missing = [name for name in names if name not in available]
             if missing:
                 raise missing_columns(path, missing, available)
-            for name in names:
-                by_group[name.rpartition("/")[0]].append(name)
+            by_group = by_key((name.rpartition("/")[0], name) for name in names)
             several = request.several_clocks and len(by_group) > 1 and _LAYOUT in file.attrs
             for group, members in by_group.items():
                 short = {member: member.rpartition("/")[2] for member in members}

@@ -24,6 +24,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.errors import DataError
+from jointz.core.grouping import by_key
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import (
     RawTable,
@@ -248,9 +249,7 @@ def _refuse_header_of_numbers(layout: _Layout) -> NoReturn:
 def _positions(layout: _Layout, request: TableRequest) -> dict[str | int, int]:
     """Find where the wanted columns stand, counted from 0; all missing ones in one message."""
     numbers = {c: _number_of(layout, c) for c in request.columns}
-    places: dict[str, list[int]] = {}
-    for at, own in enumerate(layout.names):
-        places.setdefault(own, []).append(at)
+    places = by_key((own, at) for at, own in enumerate(layout.names))
     base = 0 if request.from_zero or 0 in numbers.values() else 1
     positions: dict[str | int, int] = {}
     missing = []

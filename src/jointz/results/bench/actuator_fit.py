@@ -1,6 +1,5 @@
 """The torque model of an actuator: equations 3.1 to 3.3, fitted to a bench record."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -8,7 +7,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from jointz.results.base import Axes, summary_text
-from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import Fit, parameter_line
 
 _EQUATIONS = {"current": "3.1", "motor": "3.2", "friction": "3.3"}
@@ -30,7 +28,7 @@ class ActuatorSeries:
     in_seconds: bool = True  # whether ``position`` is a time
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class ActuatorFit(Fit):
     """A torque model (3.1 to 3.3) with what the record could not decide.
 
@@ -81,9 +79,7 @@ class ActuatorFit(Fit):
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (8.0, 5.0)
 
     model: str
-    parameters: tuple[ParameterEstimate, ...]
     rms_error_nm: float
-    vaf_pct: float
     status: str
     gear_ratio: float
     torque_sign: float
@@ -93,8 +89,6 @@ class ActuatorFit(Fit):
     covariance: tuple[tuple[float, ...], ...]
     fitted: tuple[str, ...]
     ci_method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     series: ActuatorSeries = field(default_factory=ActuatorSeries)
 
     def summary(self) -> str:

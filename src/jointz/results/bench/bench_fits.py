@@ -13,7 +13,7 @@ from jointz.results.impedance_limits import without_negative
 from jointz.results.series.joint_fit import FitSeries
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class BenchFit(Fit):
     """Impedance of one load on a bench; base of :class:`FullRecordFit` and :class:`PulseFit`.
 
@@ -50,17 +50,13 @@ class BenchFit(Fit):
     COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "lag_model")
     TITLE: ClassVar[str] = "Bench"
 
-    parameters: tuple[ParameterEstimate, ...]
     lag_model: str
     filter_time_s: float
-    vaf_pct: float
     residual_sd_nm: float
     n_samples: int
     rate_hz: float
     condition_number: float
     covariance: tuple[tuple[float, ...], ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     series: FitSeries = field(default_factory=FitSeries)
 
     @property

@@ -1,13 +1,11 @@
 """Impedance from pairs of runs along one reference, without and with perturbations."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import pandas as pd
 
 from jointz.results.base import Axes, record_frame, summary_text
-from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import Fit, parameter_label, parameter_line
 
 
@@ -33,7 +31,7 @@ class MeanResponse:
     modelled: tuple[float, ...] = ()  # torque of the model, N*m
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class PairedRunsFit(Fit):
     """Impedance from the differences of perturbed and unperturbed runs.
 
@@ -67,18 +65,14 @@ class PairedRunsFit(Fit):
     COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_pulses")
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 4.0)
 
-    parameters: tuple[ParameterEstimate, ...]
     pulses: tuple[PairedPulse, ...]
     left_out: tuple[str, ...]
     shifts_s: tuple[float, ...]
-    vaf_pct: float
     rate_hz: float
     cutoff_hz: float
     window_s: float
     condition_number: float
     ci_method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     response: MeanResponse = field(default_factory=MeanResponse)
 
     @property

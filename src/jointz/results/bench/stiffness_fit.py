@@ -1,11 +1,9 @@
 """The stiffness of a bench: torque over angle, standing nearly still or under a dither."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from jointz.results.base import Axes, summary_text
-from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import Fit, parameter_line
 
 _TITLES = {
@@ -23,7 +21,7 @@ class LoopSeries:
     modelled: tuple[float, ...] = ()  # torque of the fit, N*m
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class StiffnessFit(Fit):
     """Stiffness of a bench from one record of angle and torque.
 
@@ -60,15 +58,11 @@ class StiffnessFit(Fit):
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 4.5)
 
     method: str
-    parameters: tuple[ParameterEstimate, ...]
-    vaf_pct: float
     frequency_hz: float | None
     excursion_rad: float
     n_samples: int
     rate_hz: float
     ci_method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     series: LoopSeries = field(default_factory=LoopSeries)
 
     @property

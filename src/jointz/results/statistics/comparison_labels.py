@@ -3,6 +3,8 @@
 import re
 from collections.abc import Iterable
 
+from jointz.core.grouping import by_key
+
 _ZEROS = re.compile(r"(?<![\d.])0+(?=\d)")
 
 
@@ -18,7 +20,5 @@ def label_key(label: str) -> str:
 
 def alike_labels(labels: Iterable[str]) -> list[tuple[str, ...]]:
     """Return the labels that differ only by case, by leading zeros or as numbers are written."""
-    groups: dict[str, list[str]] = {}
-    for label in dict.fromkeys(labels):
-        groups.setdefault(label_key(label), []).append(label)
+    groups = by_key((label_key(label), label) for label in dict.fromkeys(labels))
     return [tuple(group) for group in groups.values() if len(group) > 1]

@@ -35,13 +35,9 @@ class Variances:
 
 
 @dataclass(frozen=True, slots=True)
-class RepeatedMeasuresTest:
-    """The analysis of variance of a complete table; exact under sphericity."""
+class RepeatedMeasuresTest(EffectTest):
+    """The analysis of variance of a complete table; its p is exact under sphericity."""
 
-    F: float  # F statistic
-    df_num: float  # numerator degrees of freedom
-    df_den: float  # denominator degrees of freedom
-    p: float  # exact under sphericity
     epsilon: float  # Greenhouse and Geisser's epsilon
     p_epsilon: float  # p with both degrees of freedom multiplied by ``epsilon``
 
@@ -286,7 +282,7 @@ def _t_limit(df: "pd.Series[float]", level: float, n_intervals: int) -> Any:
     return stdtrit(df.to_numpy(), 1.0 - (1.0 - level) / 2.0 / max(n_intervals, 1))
 
 
-def _f_text(test: EffectTest | RepeatedMeasuresTest) -> str:
+def _f_text(test: EffectTest) -> str:
     return f"F({test.df_num:g}, {test.df_den:.4g}) = {test.F:.5g}, p {test.p:.3g}"
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from jointz.analysis.saved_analysis import Analysis
 from jointz.analysis.study_protocol import study_protocol
 from jointz.core.errors import DataError, EngineError, EstimationError, OutputError
+from jointz.core.grouping import by_key
 from jointz.core.method_names import BAYESIAN
 from jointz.core.study import Study
 from jointz.results.certificate_result import (
@@ -123,10 +124,7 @@ def _key(request: VirtualRequest, number: int) -> str:
 
 
 def _people(cells: Sequence[CellEstimate]) -> list[list[CellEstimate]]:
-    people: dict[str, list[CellEstimate]] = {}
-    for cell in cells:
-        people.setdefault(cell.label, []).append(cell)
-    return list(people.values())
+    return list(by_key((cell.label, cell) for cell in cells).values())
 
 
 #: Simulated people that a comparison needs.

@@ -5,7 +5,6 @@ from typing import Any
 
 from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.provenance import now
-from jointz.core.study import TorqueModelSpec
 from jointz.rig.devices.interface import Rig
 from jointz.rig.experiment.files.journal import Event, read_journal, segments_begun
 from jointz.rig.experiment.files.session_files import JOURNAL_FILE, has_content, log_path
@@ -22,7 +21,7 @@ def write_study_so_far(
 
     By now, or when the question of a decision was asked.
     """
-    folder, person = settings.session_folder(rig.wearer.id), rig.wearer.id
+    folder = settings.session_folder(rig.wearer.id)
     events = read_journal(folder / JOURNAL_FILE)
     until: dict[str, int] = {}
     if question is not None:
@@ -43,15 +42,7 @@ def write_study_so_far(
     if aborted:
         (out / "exclusions.csv").write_text(exclusions_csv(aborted, now()), encoding="utf-8")
     model = (devices.get("actuator") or {}).get("torque_model")
-    text = study_toml(
-        protocol,
-        [rig.wearer],
-        {person: rig.calibration},
-        TorqueModelSpec.model_validate(model) if model else None,
-        devices=devices,
-        worn=rig.device,
-        coupling=getattr(rig, "coupling", None),
-    )
+    text = study_toml(protocol, [rig], [rig.calibration], model, devices=devices)
     (out / STUDY_FILE).write_text(text, encoding="utf-8")
 
 

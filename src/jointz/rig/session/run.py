@@ -279,17 +279,10 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
     aborted = [row for r in reports for row in r["aborted"]]
     if aborted and not (study / "exclusions.csv").exists():
         write_whole(study / "exclusions.csv", exclusions_csv(aborted, now()))
-    models = [r["torque_model"] for r in reports if r["torque_model"]]
-    calibrations = (_calibration(settings, one, r) for one, r in zip(rigs, reports, strict=True))
-    text = study_toml(
-        protocol,
-        people,
-        {person.id: entries for person, entries in zip(people, calibrations, strict=True)},
-        TorqueModelSpec.model_validate(models[0]) if models else None,
-        devices=next((r["devices"] for r in reports if "devices" in r), None),
-        worn=next((one.device for one in rigs), None),
-        coupling=getattr(rigs[0], "coupling", None),
-    )
+    model = next((r["torque_model"] for r in reports if r["torque_model"]), None)
+    devices = next((r["devices"] for r in reports if "devices" in r), None)
+    calibrations = [_calibration(settings, one, r) for one, r in zip(rigs, reports, strict=True)]
+    text = study_toml(protocol, rigs, calibrations, model, devices=devices)
     if not (study / STUDY_FILE).exists():
         write_whole(study / STUDY_FILE, text)
     return StudyRun(study, report)

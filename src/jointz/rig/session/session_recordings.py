@@ -61,6 +61,8 @@ _UNITS = {
 }
 _MOTOR = {name: name for name in ("motor_angle", "motor_velocity", "current")}
 Rows = list[dict[str, Any]]
+#: Calibrated levels of a footswitch that gives volts: off, on; None if not calibrated.
+Levels = tuple[float, float] | None
 
 
 def gives_volts(devices: Mapping[str, Any]) -> bool:
@@ -208,10 +210,7 @@ class SessionRecordings(ABC):
 
     @abstractmethod
     def onset_rows(
-        self,
-        condition: ConditionSpec,
-        record: ConditionRecord,
-        levels_v: tuple[float, float] | None,
+        self, condition: ConditionSpec, record: ConditionRecord, levels_v: Levels
     ) -> Rows:
         """Return how many pulses were done, and where in the gait cycle they began."""
 
@@ -261,10 +260,7 @@ class WalkingRecordings(SessionRecordings):
         return pd.DataFrame(rows, columns=[*PULSE_COLUMNS, "damaged"])
 
     def onset_rows(
-        self,
-        condition: ConditionSpec,
-        record: ConditionRecord,
-        levels_v: tuple[float, float] | None,
+        self, condition: ConditionSpec, record: ConditionRecord, levels_v: Levels
     ) -> Rows:
         """Return how many pulses of each timing point were done, and where they began."""
         if condition.perturbations is None:
@@ -383,10 +379,7 @@ class BenchRecordings(SessionRecordings):
         )
 
     def onset_rows(
-        self,
-        condition: ConditionSpec,
-        record: ConditionRecord,
-        levels_v: tuple[float, float] | None,
+        self, condition: ConditionSpec, record: ConditionRecord, levels_v: Levels
     ) -> Rows:
         """Return how many pulses a condition had: an interrupted trial was done again whole."""
         del record, levels_v

@@ -9,9 +9,9 @@ import pandas as pd
 from jointz.core.channels import MOTION_SENSORS
 from jointz.core.codes import Exclusion
 from jointz.core.protocols.protocol import Protocol
-from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
+from jointz.core.study import CalibrationSpec, TorqueModelSpec
 from jointz.io.toml_text import written_table, written_text, written_value
-from jointz.rig.devices.interface import Wearer
+from jointz.rig.devices.interface import Rig, Wearer
 from jointz.rig.session.run_settings import has_pulse_table, pulses_name, recording_name
 from jointz.rig.session.session_recordings import gives_volts
 
@@ -34,16 +34,18 @@ _EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action", "reason",
 
 def study_toml(
     protocol: Protocol,
-    people: Sequence[Wearer],
-    calibrations: Mapping[str, CalibrationSpec],
-    torque_model: TorqueModelSpec | None,
+    rigs: Sequence[Rig],
+    calibrations: Sequence[CalibrationSpec],
+    torque_model: Mapping[str, Any] | None,
     *,
     devices: Mapping[str, Any] | None = None,
-    worn: DeviceSpec | None = None,
-    coupling: str | None = None,
 ) -> str:
-    """Return the text of ``study.toml``."""
+    """Return the text of ``study.toml``: rig and calibration of each person or load.
+
+    ``torque_model`` and ``devices`` are as the header of a log has them.
+    """
     walking = protocol.by_gait
+    worn, coupling = rigs[0].device, getattr(rigs[0], "coupling", None)
     lines = [
         f"# Written by jointz run from the protocol {protocol.name}.",
         "jointz = 1",
@@ -60,7 +62,8 @@ def study_toml(
         lines += ["", "[channels.trial]", 'column = "trial"']
     lines += _contact(walking=walking, devices=devices or {})
     if torque_model is not None and "torque" not in units:
-        lines += ["", "[torque_model]", *_table(torque_model.model_dump(exclude_defaults=True))]
+        model = TorqueModelSpec.model_validate(torque_model)
+        lines += ["", "[torque_model]", *_table(model.model_dump(exclude_defaults=True))]
     if worn is not None:
         lines += ["", "[device]", *_table(worn.model_dump())]
     points = _timing_points(protocol)
@@ -73,11 +76,11 @@ def study_toml(
         planned = wishes.items()
         lines += ["", "[planned_half_width_pct]"]
         lines += [f"{name} = {written_table(by_point)}" for name, by_point in planned]
-    for person in people:
-        lines += ["", "[[participants]]", *participant_lines(person, calibrations[person.id])]
+    for rig, calibration in zip(rigs, calibrations, strict=True):
+        lines += ["", "[[participants]]", *participant_lines(rig.wearer, calibration)]
     lines += _additions(protocol)
-    for person in people:
-        lines += _recordings(person.id, protocol)
+    for rig in rigs:
+        lines += _recordings(rig.wearer.id, protocol)
     return "\n".join(lines) + "\n"
 
 

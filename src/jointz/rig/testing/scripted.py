@@ -31,6 +31,7 @@ from jointz.rig.devices.interface import (
 #: A value over the time since the first activation, s.
 Signal = Callable[[float], float]
 SampleT = TypeVar("SampleT", ActuatorSample, SensorSample)
+DescriptionT = TypeVar("DescriptionT", ActuatorDescription, SensorDescription)
 
 _VELOCITY_STEP_S = 1e-4
 
@@ -126,20 +127,25 @@ def replay(values: Sequence[float], sample_rate_hz: float) -> Signal:
     return lambda time_s: values[min(round(time_s * sample_rate_hz), len(values) - 1)]
 
 
-class _Scripted(DriverBase, Generic[SampleT]):
-    """Lifecycle, grid of samples and deviations."""
+class _Scripted(DriverBase, Generic[SampleT, DescriptionT]):
+    """Description, lifecycle, grid of samples and deviations."""
 
     def __init__(
-        self, clock: Clock, name: str, *, sample_rate_hz: float, script: Sequence[Deviation]
+        self, clock: Clock, description: DescriptionT, script: Sequence[Deviation]
     ) -> None:
-        super().__init__(name)
+        super().__init__(description.name)
         self._clock = clock
-        self._period_ns = round(1e9 / sample_rate_hz)
+        self._description: DescriptionT = description
+        self._period_ns = round(1e9 / description.sample_rate_hz)
         self._script = tuple(script)
         self._first: int | None = None
         self._next = 0
         self._last: SampleT | None = None
         self._gone = False
+
+    def describe(self) -> DescriptionT:
+        """Return what the device says about itself, in any state."""
+        return self._description
 
     def configure(self) -> None:
         """Connect; afterwards ``INACTIVE``."""
@@ -199,7 +205,7 @@ class _Scripted(DriverBase, Generic[SampleT]):
             raise NotConnectedError(self._name, "does not answer, as the script says.")
 
 
-class ScriptedActuator(_Scripted[ActuatorSample]):
+class ScriptedActuator(_Scripted[ActuatorSample, ActuatorDescription]):
     """An actuator that replays an angle and keeps every command.
 
     The current follows the command from sample to sample, without friction or lag;
@@ -244,16 +250,10 @@ class ScriptedActuator(_Scripted[ActuatorSample]):
         angle: Signal = lambda _: 0.0,
         script: Sequence[Deviation] = (),
     ) -> None:
-        rate_hz = description.sample_rate_hz
-        super().__init__(clock, description.name, sample_rate_hz=rate_hz, script=script)
-        self._description = description
+        super().__init__(clock, description, script)
         self._angle = angle
         self._torques: list[tuple[int, float]] = []
         self.commands: list[tuple[int, float]] = []
-
-    def describe(self) -> ActuatorDescription:
-        """Return the description of the actuator."""
-        return self._description
 
     @property
     def torque_nm(self) -> float:
@@ -316,7 +316,7 @@ class ScriptedActuator(_Scripted[ActuatorSample]):
         )
 
 
-class ScriptedSensor(_Scripted[SensorSample]):
+class ScriptedSensor(_Scripted[SensorSample, SensorDescription]):
     """A sensor that replays a signal.
 
     Parameters
@@ -350,14 +350,8 @@ class ScriptedSensor(_Scripted[SensorSample]):
         description: SensorDescription = SCRIPTED_SENSOR,
         script: Sequence[Deviation] = (),
     ) -> None:
-        rate_hz = description.sample_rate_hz
-        super().__init__(clock, description.name, sample_rate_hz=rate_hz, script=script)
-        self._description = description
+        super().__init__(clock, description, script)
         self._signal = signal
-
-    def describe(self) -> SensorDescription:
-        """Return the description of the sensor."""
-        return self._description
 
     def _measured(self, device_ns: int, host_ns: int, *, time_s: float) -> SensorSample:
         return SensorSample(device_ns, host_ns, self._signal(time_s))

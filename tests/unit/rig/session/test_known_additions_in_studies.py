@@ -3,6 +3,7 @@
 import json
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -89,7 +90,8 @@ def test_a_session_without_a_name_is_called_after_its_condition():
     protocol = load_protocol(EXAMPLE)
     nameless = tuple(c.model_copy(update={"session": None}) for c in protocol.conditions)
     protocol = protocol.model_copy(update={"conditions": nameless})
-    text = study_toml(protocol, [Wearer("S01")], {"S01": CalibrationSpec()}, None)
+    rig = SimpleNamespace(wearer=Wearer("S01"), device=None)
+    text = study_toml(protocol, [rig], [CalibrationSpec()], None)
     spec = StudySpec.model_validate(tomllib.loads(text))
 
     assert [addition.session for addition in spec.additions] == [*WITH_CUFF, *WITH_BAND]

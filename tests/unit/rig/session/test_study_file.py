@@ -3,6 +3,7 @@
 import csv
 import io
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -71,8 +72,9 @@ def make(folder, protocol=WALKING, people=(SOMEBODY,), calibrations=None, model=
                 (folder / pulses_name(person.id, condition.name)).write_text(
                     "onset_s,duration_s,amplitude_nm,timing_point\n0.02,0.02,17,LRE\n"
                 )
-    known = {person.id: calibrations.get(person.id, CalibrationSpec()) for person in people}
-    text = study_toml(protocol, people, known, model, worn=device)
+    known = [calibrations.get(person.id, CalibrationSpec()) for person in people]
+    rigs = [SimpleNamespace(wearer=person, device=device) for person in people]
+    text = study_toml(protocol, rigs, known, None if model is None else model.model_dump())
     (folder / "study.toml").write_text(text, encoding="utf-8")
     return jointz.open_study(folder)
 
@@ -108,7 +110,8 @@ def test_torque_is_computed_from_the_current(tmp_path):
 def test_a_footswitch_in_walking_is_a_contact_unless_it_gives_volts():
     def contact(kind):
         devices = {"contact": {"kind": kind}}
-        text = study_toml(WALKING, [SOMEBODY], {"S01": CalibrationSpec()}, MOTOR, devices=devices)
+        rig = SimpleNamespace(wearer=SOMEBODY, device=None)
+        text = study_toml(WALKING, [rig], [CalibrationSpec()], None, devices=devices)
         return tomllib.loads(text)["channels"]["contact"]
 
     assert contact("contact") == {"column": "contact", "kind": "contact"}
