@@ -124,14 +124,15 @@ def report(found: Verification, study: Path) -> None:
     print(found.summary())
     truth = json.loads((study / "ground_truth.json").read_text())["participants"]
     for part in ("stiffness", "inertia"):
-        rows = [row for row in found.parts if row.part == part]
+        rows = [row for row in found.parts if row.part == part and row.participant in truth]
         mounted = [_mounted(truth[row.participant], part) for row in rows]
         inside = [
             row.ci_low <= true <= row.ci_high for row, true in zip(rows, mounted, strict=True)
         ]
         wide = [50.0 * (row.ci_high - row.ci_low) / row.stated for row in rows]
         print(f"{part}: inside {_share(inside)}, half-width {np.median(wide):.0f} % of it")
-    print(f"noticed: {_share([verdict == 'fail' for verdict in found.verdicts.values()])}")
+    verdicts = [verdict for person, verdict in found.verdicts.items() if person in truth]
+    print(f"noticed: {_share([verdict == 'fail' for verdict in verdicts])}")
 
 
 def _mounted(person: dict[str, Any], part: str) -> float:

@@ -22,6 +22,7 @@ from jointz.comparison.comparison_sources import (
     published_results,
 )
 from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.grouping import by_key
 from jointz.core.method_names import RIGID, WITH_POSTERIOR
 from jointz.reference.literature import STUDIES, stated_stiffness_range
 from jointz.report.html_page import render_paragraphs
@@ -190,16 +191,16 @@ def _statuses(values: Iterable[PersonValue]) -> str:
 
 
 def _named(values: Sequence[PersonValue]) -> str:
-    groups: dict[tuple[str, str, str], list[str]] = {}
-    for v in values:
-        at_bound = f" ({v.n_bounded} of {v.n_points} at bound)" if v.n_bounded else ""
-        groups.setdefault((v.source, v.parameter, v.status), []).append(
-            f"{v.participant} {v.timing_point}{at_bound}"
-        )
+    groups = by_key(((v.source, v.parameter, v.status), _name(v)) for v in values)
     return "; ".join(
         f"{source} {parameter} ({status}): {', '.join(names)}"
         for (source, parameter, status), names in groups.items()
     )
+
+
+def _name(v: PersonValue) -> str:
+    at_bound = f" ({v.n_bounded} of {v.n_points} at bound)" if v.n_bounded else ""
+    return f"{v.participant} {v.timing_point}{at_bound}"
 
 
 def _error_shares(means: Sequence[SourceMean]) -> dict[tuple[str, str], list[str]]:

@@ -10,6 +10,7 @@ from scipy.stats import t as students_t
 from jointz.control.impedance_profile import GRID_PCT
 from jointz.core.errors import EstimationError
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.grouping import by_key
 from jointz.core.priors import PriorsSpec
 from jointz.kernels.series.periodic_process import periodic_curve
 from jointz.reference import chapter4
@@ -158,12 +159,10 @@ def _reaches_zero(cell: CellEstimate, name: str, value: float) -> str:
 
 def _correlations(analysis: StudyAnalysis, label: str | None) -> dict[str, float]:
     """Return timing point -> correlation of the errors of K and B, the mean over people."""
-    correlations: dict[str, list[float]] = {}
-    for cell in analysis.cells:
-        if cell.covariance is not None and label in (None, cell.label):
-            (kk, kb, _), (_, bb, _), _ = cell.covariance
-            if kk * bb > 0.0:
-                correlations.setdefault(cell.timing_point, []).append(float(kb / np.sqrt(kk * bb)))
+    cells = [cell for cell in analysis.cells if label in (None, cell.label)]
+    errors = ((c.timing_point, np.array(c.covariance)) for c in cells if c.covariance is not None)
+    known = ((point, e) for point, e in errors if e[0, 0] * e[1, 1] > 0.0)
+    correlations = by_key((point, e[0, 1] / np.sqrt(e[0, 0] * e[1, 1])) for point, e in known)
     return {point: float(np.mean(values)) for point, values in correlations.items()}
 
 

@@ -12,6 +12,7 @@ from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile, Profile
 from jointz.control.knots import METHOD, Curve, Impedance, measured_impedance, published_impedance
 from jointz.core.errors import DataError
 from jointz.core.events import row_label
+from jointz.core.grouping import by_key
 from jointz.core.provenance import now, software
 from jointz.io.protocols import PUBLISHED
 from jointz.reference import chapter4
@@ -156,13 +157,11 @@ def _masses(analysis: StudyAnalysis) -> dict[str, float]:
 
 def _strides(analysis: StudyAnalysis, label: str | None) -> list[MeanStride]:
     """Return a mean stride of each session and side: with a moment where there is one."""
-    units: dict[str, list[MeanStride]] = {}
-    for stride in analysis.mean_strides:
-        own = row_label(stride.participant, stride.session, stride.side)
-        if label in (None, own) and stride.stride_s is not None:
-            units.setdefault(own, []).append(stride)
+    labelled = [(row_label(s.participant, s.session, s.side), s) for s in analysis.mean_strides]
+    wanted = ((own, s) for own, s in labelled if label in (None, own) and s.stride_s is not None)
+    units = by_key(wanted)
     if not units:
-        labels = {row_label(s.participant, s.session, s.side) for s in analysis.mean_strides}
+        labels = {own for own, _ in labelled}
         raise DataError(
             f"profile of {label or MEAN}: no mean stride in the results, which have those of "
             f"{'; '.join(sorted(labels))}. Give recordings without pulses of this session and "

@@ -513,10 +513,12 @@ class StudySpec(_Model):
         }[self.kind]
         names = [getattr(addition, key) for addition in self.additions]
         for name, addition in zip(names, self.additions, strict=True):
-            if any(getattr(addition, other) is not None for other in foreign):
-                none = " and no ".join(foreign)
-                raise ValueError(f"additions: kind {self.kind!r} has no {none}; remove it")
-            if name is None or all(getattr(one, key) != name for one in self.recordings):
+            if extra := [one for one in foreign if getattr(addition, one) is not None]:
+                which = " and ".join(extra)
+                raise ValueError(f"additions: {which}: not for kind {self.kind!r}; remove it")
+            if name is None:
+                raise ValueError(f"additions: {key}: missing; it is required for {self.kind!r}")
+            if all(getattr(one, key) != name for one in self.recordings):
                 raise ValueError(f"additions: no recording has {key} {name!r}; correct the name")
             if names.count(name) > 1:
                 raise ValueError(f"additions: {key} {name!r} is given twice; state their sum")

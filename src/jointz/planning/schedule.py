@@ -55,7 +55,7 @@ def schedule_of_protocol(spec: Protocol) -> Schedule:
         )
     if spec.joint != "knee":
         raise DataError(f"plan: the priors are of a knee, and {spec.name} is of the {spec.joint}.")
-    points = {name: at for p in plans for name, at in (p.timing_points or {}).items()}
+    points = spec.timing_points
     counts = dict.fromkeys(sorted(points, key=lambda name: points[name]), 0)
     repeats = dict(counts)
     for p in plans:

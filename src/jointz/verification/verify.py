@@ -8,7 +8,8 @@ from typing import ClassVar, Final
 
 import numpy as np
 import pandas as pd
-from scipy.stats import norm
+from scipy.special import stdtrit
+from scipy.stats import chi2, norm
 
 from jointz.analysis.analyze import analyze
 from jointz.analysis.participant_jobs import (
@@ -17,10 +18,13 @@ from jointz.analysis.participant_jobs import (
     recommended_method,
 )
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Failure
 from jointz.core.errors import DataError
 from jointz.core.events import row_label
 from jointz.core.study import MOST_ADDED, AdditionSpec, Study
 from jointz.identify.estimators import ParticipantData
+from jointz.identify.preparation.calibration import gains_sd
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.sources import RecordingInput, prepare_sources
 from jointz.identify.walking.addition import (
     PARTS,
@@ -32,18 +36,27 @@ from jointz.identify.walking.addition import (
 )
 from jointz.identify.walking.bayesian_method import BayesianMethod, LegData
 from jointz.io.study_reader import open_study
+from jointz.report.wording import status_meaning
 from jointz.results.base import Axes, PlottedResult
-from jointz.results.estimates import REACH_95, WIDEST, CellEstimate
+from jointz.results.estimates import FEWEST_PEOPLE, REACH_95, WIDEST, CellEstimate
 from jointz.results.figure_style import BLUE, GREEN, INK, ORANGE
 from jointz.tasks.engine import on_one_thread
 
 PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
 _BY_LEG: Final = ("verdicts", "p", "explanations")
 _LEVEL: Final = 0.95
+_MEAN: Final = "mean of legs"
+#: States of an estimate that no load can have.
+_WRONG: Final = (Failure.BELOW_ZERO.status, Failure.OUTSIDE_RANGE.status)
+#: Error of a bench -> power of its size in each part.
+_CAUSES: Final[Mapping[str, Mapping[str, int]]] = {
+    "torque over angle": {"stiffness": 1, "damping": 1, "inertia": 1},
+    "time between samples": {"stiffness": 0, "damping": 1, "inertia": 2},
+}
+#: Smallest sd of a part by itself, of its value.
+_LEAST_SD: Final = 0.005
 #: With less, no error is named.
 _LEAST_LOG_ODDS: Final = 2.0
-#: With more, labels of the figure stand upright.
-_MOST_LEVEL_LABELS: Final = 8
 #: No more than so many times the pulses are proposed.
 _MOST_TIMES: Final = 20.0
 
@@ -60,8 +73,8 @@ class AdditionResult:
         ``stiffness`` (N*m/rad) or ``inertia`` (kg*m^2); on a bench also ``damping`` (N*m*s/rad).
     stated, stated_sd : float
         The addition as the study states it.
-    found, ci_low, ci_high : float
-        What the pulses show, with its 95 % interval.
+    found, ci_low, ci_high : float, optional
+        What the pulses show, with its 95 % interval; None without an estimate.
     verdict : str
         ``pass``, ``fail`` or ``cannot tell``.
     times_pulses : float, optional
@@ -72,9 +85,9 @@ class AdditionResult:
     part: str
     stated: float
     stated_sd: float
-    found: float
-    ci_low: float
-    ci_high: float
+    found: float | None
+    ci_low: float | None
+    ci_high: float | None
     verdict: str
     times_pulses: float | None
 
@@ -88,8 +101,9 @@ class Verification(PlottedResult):
     parts : tuple of AdditionResult
         Stiffness and inertia of every participant; on a bench what is stated of every load.
     verdicts : mapping of str to str
-        Participant (and side), or load and timing point -> ``fail`` if a part does or a sensor
-        contradicts the model, else ``cannot tell`` if a part does, else ``pass``.
+        Participant (and side), mean of three legs or more, or load and timing point -> ``fail`` if
+        a part does or a sensor contradicts the model, else ``cannot tell`` if a part does, else
+        ``pass``.
     p : mapping of str to float
         The same -> probability of a difference as large, if the set-up is right (of the part that
         differs most, times the number of parts); None for those that could not be fitted.
@@ -117,9 +131,10 @@ class Verification(PlottedResult):
     def _draw(self, axes: "Axes") -> None:
         """Draw every interval over what was stated, by person."""
         people = list(self.verdicts)
-        drawn = list(dict.fromkeys(row.part for row in self.parts if row.stated))
+        known = [row for row in self.parts if row.stated and row.found is not None]
+        drawn = [part for part in PARAMETERS if any(row.part == part for row in known)]
         for k, (part, color) in enumerate(zip(drawn, (BLUE, ORANGE, GREEN), strict=False)):
-            rows = [row for row in self.parts if row.part == part and row.stated]
+            rows = [row for row in known if row.part == part]
             beside = 0.2 * (k - 0.5 * (len(drawn) - 1))
             at = [people.index(row.participant) + beside for row in rows]
             found, low, high = (
@@ -127,17 +142,14 @@ class Verification(PlottedResult):
                 for name in ("found", "ci_low", "ci_high")
             )
             bars = [found - low, high - found]
-            known = [100.0 * REACH_95 * row.stated_sd / row.stated for row in rows]
+            sure = [100.0 * REACH_95 * row.stated_sd / row.stated for row in rows]
             axes.errorbar(
-                at, np.full_like(found, 100.0), known, fmt="none", ecolor="0.85", elinewidth=5
+                at, np.full_like(found, 100.0), sure, fmt="none", ecolor="0.85", elinewidth=3
             )
             axes.errorbar(at, found, yerr=bars, fmt="o", color=color, ms=4.0, label=part)
         axes.axhline(100.0, color=INK, lw=0.8)
-        upright = len(people) > _MOST_LEVEL_LABELS
-        labels = [
-            f"{person}{': ' if upright else chr(10)}{self.verdicts[person]}" for person in people
-        ]
-        axes.set_xticks(range(len(people)), labels, rotation=90.0 if upright else 0.0)
+        labels = [f"{person}: {verdict}" for person, verdict in self.verdicts.items()]
+        axes.set_xticks(range(len(people)), labels, rotation=90.0 if len(people) > 3 else 0.0)
         axes.set_xlim(-0.6, len(people) - 0.4)
         axes.set_ylabel("Found, % of the addition")
         if drawn:
@@ -170,7 +182,8 @@ def verify(study: Study | str | os.PathLike[str]) -> Verification:
     Returns
     -------
     Verification
-        Stiffness and inertia of the addition with 95 % intervals, and verdicts.
+        Stiffness and inertia of the addition, or what is stated of loads, with 95 % intervals,
+        and verdicts.
 
     Raises
     ------
@@ -181,17 +194,16 @@ def verify(study: Study | str | os.PathLike[str]) -> Verification:
     opened = study if isinstance(study, Study) else open_study(study)
     if not opened.spec.additions:
         raise DataError(
-            f"{opened.root}: expected [[additions]] (session, or participant on a bench; inertia, "
-            "stiffness), found none. State what was added in which session, or the loads."
+            f"{opened.root}: expected [[additions]]: what was added in which session, or the loads."
         )
     if opened.spec.kind == "bench":
-        loads = {str(one.participant): one for one in opened.spec.additions}
-        cells = [c for c in analyze(opened, progress=False).cells if c.participant in loads]
-        found = [_verified_load(cell, loads[cell.participant]) for cell in cells]
+        cells = analyze(opened, progress=False).cells
+        found = [v for load in opened.spec.additions for v in _verified_load(opened, load, cells)]
     else:
         addition = _addition(opened)
         legs = [(p.id, side) for p in opened.spec.participants for side in _sides(opened, p.id)]
         found = [on_one_thread(partial(_verified, opened, addition, *leg)) for leg in legs]
+        found += _together(found, addition)
     if not any(one.parts for one in found):
         why = (f"{leg}: {why}" for one in found for leg, why in one.explanations.items())
         raise DataError("; ".join(why))
@@ -215,7 +227,7 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
         model = pair_model(*pair, addition, spec)
         fit = fit_addition(model, pair[0].priors)
     except (DataError, np.linalg.LinAlgError) as exc:
-        return _untold(leg, exc)
+        return Verification((), {leg: CANNOT_TELL}, {leg: None}, {leg: str(exc)})
     p, parts = _judged(leg, fit, addition, tuple(PARTS))
     verdict = _worst(part.verdict for part in parts)
     against = "; ".join(map(str, fit.unlikely))
@@ -228,39 +240,75 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
     )
 
 
-def _untold(leg: str, why: object) -> Verification:
-    return Verification((), {leg: CANNOT_TELL}, {leg: None}, {leg: str(why)})
+def _together(found: Sequence[Verification], addition: AdditionSpec) -> list[Verification]:
+    """Return the verdict on the mean stiffness over legs, which have the errors of one set-up.
+
+    The felt share of an inertia is not known well enough for a mean.
+    """
+    values = np.array([one.parts[0].found for one in found if one.parts], dtype=float)
+    n = len(values)
+    if n < FEWEST_PEOPLE or addition.stiffness is None:
+        return []
+    sd = stdtrit(n - 1, 0.975) / REACH_95 * values.std(ddof=1) / np.sqrt(n)
+    fit = AdditionFit(values.mean(keepdims=True), np.array([[sd**2]]), sd / np.sqrt([2.0]), ())
+    p, parts = _judged(_MEAN, fit, addition, ["stiffness"])
+    return [Verification(tuple(parts), {_MEAN: parts[0].verdict}, {_MEAN: p}, {})]
 
 
-def _verified_load(cell: CellEstimate, load: AdditionSpec) -> Verification:
+def _verified_load(
+    study: Study, load: AdditionSpec, cells: Iterable[CellEstimate]
+) -> list[Verification]:
+    """Return the verdicts on a load of a bench, one a timing point at which it was measured."""
+    own = [cell for cell in cells if cell.participant == load.participant]
+    measured = [cell for cell in own if cell.n_used + cell.n_excluded] or own
+    entry = next(r for r in study.spec.recordings if r.participant == load.participant)
+    gain_sd = gains_sd(study.spec.calibration_of(entry))
+    return [_verified_cell(cell, load, gain_sd) for cell in measured]
+
+
+def _verified_cell(cell: CellEstimate, load: AdditionSpec, gain_sd: float) -> Verification:
     """Return the verdict on a load of a bench at a timing point."""
     case = row_label(cell.participant, cell.timing_point)
     stated = [p for p in cell.parameters if getattr(load, p.name, None) is not None]
     told = [p for p in stated if p.status == "ok"]
-    texts = [f"{p.name}: {p.status}" for p in stated if p.status != "ok"]
-    if not told:
-        return _untold(case, "; ".join(texts))
-    values = np.array([p.value for p in told], dtype=float)
-    sds = np.diff(np.array([p.ci for p in told], dtype=float))[:, 0] / (2.0 * REACH_95)
-    fit = AdditionFit(values, np.diag(sds**2), sds, ())
-    p, parts = _judged(case, fit, load, [one.name for one in told])
-    verdict = _worst([*(part.verdict for part in parts), *(CANNOT_TELL for _ in texts)])
-    if verdict == FAIL:
-        texts.append(_gain(parts))
+    least, rows, texts = None, list[AdditionResult](), list[str]()
+    if told:
+        values = np.array([p.value for p in told], dtype=float)
+        ends = np.array([p.ci for p in told], dtype=float)
+        sds = np.abs(ends - values[:, None]).max(axis=1) / REACH_95
+        fit = AdditionFit(values, np.diag(sds**2), sds, ())
+        least, rows = _judged(case, fit, load, [p.name for p in told])
+        if any(row.verdict == FAIL for row in rows):
+            texts.append(_cause(rows, gain_sd))
+    for p in stated:
+        if p not in told:
+            known, verdict = getattr(load, p.name), FAIL if p.status in _WRONG else CANNOT_TELL
+            without = (known.value, known.sd, None, None, None, verdict, None)
+            rows.append(AdditionResult(case, p.name, *without))
+            texts.append(f"{p.name}: {status_meaning(p.status)}")
+    verdict = _worst(row.verdict for row in rows)
     return Verification(
-        tuple(parts), {case: verdict}, {case: p}, {case: "; ".join(texts)} if texts else {}
+        tuple(rows), {case: verdict}, {case: least}, {case: "; ".join(texts)} if texts else {}
     )
 
 
-def _gain(parts: Sequence[AdditionResult]) -> str:
-    """Tell whether a gain explains the failure of a load."""
-    ratios = np.array([[row.found, row.ci_low, row.ci_high] for row in parts])
-    ratios /= np.array([[row.stated] for row in parts])
-    low, high = ratios[:, 1].max(), ratios[:, 2].min()
-    if low > high:
-        return "no gain explains it: check lag and clocks, and the load as stated"
-    gain = np.median(ratios[:, 0])
-    return f"a gain of torque over angle {gain:.2f} times the right one would explain it"
+def _cause(parts: Sequence[AdditionResult], gain_sd: float) -> str:
+    """Name the error of one size that explains how all parts of a load differ."""
+    stated, stated_sd, found, high = np.array(
+        [(row.stated, row.stated_sd, row.found, row.ci_high) for row in parts], dtype=float
+    ).T
+    own = ((high - found) / REACH_95 / found) ** 2 - gain_sd**2  # the gain is common to all
+    sds = np.sqrt(np.maximum(own, _LEAST_SD**2) + (stated_sd / stated) ** 2)
+    off = np.log(found / stated) / sds
+    left = []
+    for name, powers in _CAUSES.items():
+        effect = np.array([powers[row.part] for row in parts]) / sds
+        size = float(effect @ off / max(effect @ effect, _LEAST_SD))
+        left.append((float(np.sum((off - size * effect) ** 2)), float(np.exp(size)), name))
+    rest, times, name = min(left)
+    if len(parts) < 2 or rest > chi2.ppf(_LEVEL, len(parts) - 1):
+        return "no single error of the set-up explains it: check the load as stated"
+    return f"{name} {times:.2f} times as large as right would explain it"
 
 
 def _addition(study: Study) -> AdditionSpec:
@@ -323,7 +371,7 @@ def _judged(
                 float(fit.mean[k]),
                 float(fit.mean[k] - reach),
                 float(fit.mean[k] + reach),
-                FAIL if p[k] < 1.0 - _LEVEL else CANNOT_TELL if wide else PASS,
+                FAIL if p[k] < 1.0 - _LEVEL else PASS if p[k] <= 1.0 and not wide else CANNOT_TELL,
                 _times_pulses(float(errors[k]), float(more[k]), float(stated[k])),
             )
         )
@@ -352,6 +400,8 @@ def _explanation(evidence: Mapping[str, float]) -> str:
 
 def _sentence(row: AdditionResult) -> str:
     unit = PARAMETER_UNITS[row.part]
+    if row.found is None:
+        return f"{row.part}: no estimate, stated {row.stated:.3g} {unit}: {row.verdict}"
     text = (
         f"{row.part}: {row.found:.3g} [{row.ci_low:.3g}, {row.ci_high:.3g}] {unit}, stated "
         f"{row.stated:.3g}: {row.verdict}"
@@ -359,6 +409,8 @@ def _sentence(row: AdditionResult) -> str:
     if row.verdict != CANNOT_TELL:
         return text
     more = row.times_pulses
+    if REACH_95 * row.stated_sd > WIDEST * row.stated > 0.0:
+        return f"{text} (its SD as stated is too wide)"
     if more is None:
         return f"{text} (more pulses would not narrow the interval enough)"
     return f"{text} (about {more:.1f} times as many pulses are needed)"

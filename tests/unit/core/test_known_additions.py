@@ -141,7 +141,7 @@ def test_a_study_states_the_addition_of_a_session():
         ([{"session": "with", "stiffness": STIFFNESS}] * 2, "'with' is given twice"),
         (
             [{"session": "with", "damping": STIFFNESS}],
-            "'walking' has no participant and no damping",
+            "damping: not for kind 'walking'",
         ),
     ],
 )

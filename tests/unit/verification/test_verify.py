@@ -17,7 +17,7 @@ from jointz.rig.sim.presets import preset
 from jointz.rig.sim.walking.impedance_curves import added_inertia, thigh_share
 from jointz.rig.sim.walking.knee_joint import knee_angle
 from jointz.rig.sim.walking.known_addition import KnownAddition
-from jointz.verification.verify import Verification
+from jointz.verification.verify import AdditionResult, Verification
 
 SENSORS = {"goniometer": None, "encoder": None, "gyroscopes": None}
 
@@ -151,3 +151,31 @@ def test_the_inertia_that_is_felt_is_that_of_the_simulated_leg(weight):
         for p, k, s in zip(phases, knee, share, strict=True)
     ]
     assert felt == pytest.approx(expected, rel=0.15, abs=0.06 * inertia)
+
+
+def test_the_mean_stiffness_of_three_legs_is_judged(study, tmp_path, monkeypatch):
+    text = (study / "study.toml").read_text()
+    start, end = text.index("[[participants]]"), text.index("[[additions]]")
+    person = text[start:end]
+    everybody = "".join(person.replace("S01", name) for name in ("S01", "S02", "S03"))
+    found = {"S01": 56.0, "S02": 58.0, "S03": 57.0}
+
+    def leg(study, addition, person, side):
+        value = found[person]
+        parts = (
+            AdditionResult(
+                person, "stiffness", 50.0, 1.0, value, value - 9, value + 9, "pass", 1.0
+            ),
+            AdditionResult(person, "inertia", 0.0, 0.0, 0.0, -0.1, 0.1, "pass", None),
+        )
+        return Verification(parts, {person: "pass"}, {person: 0.3}, {})
+
+    monkeypatch.setattr("jointz.verification.verify._verified", leg)
+    monkeypatch.setattr("jointz.verification.verify._sides", lambda *_: [""])
+    result = jz.verify(changed(study, tmp_path, person, everybody))
+
+    mean = result.parts[-1]
+    assert (mean.participant, mean.part, mean.found) == ("mean of legs", "stiffness", 57.0)
+    assert mean.ci_high - 57.0 == pytest.approx(4.303 / 3**0.5, rel=1e-3)  # t of 2 degrees, sd 1
+    assert result.verdicts == dict.fromkeys(found, "pass") | {"mean of legs": "fail"}
+    assert result.verdict == "fail"

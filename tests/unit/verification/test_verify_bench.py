@@ -5,6 +5,7 @@ import pytest
 import jointz as jz
 from jointz.core.protocols.protocol import Protocol
 from jointz.io.protocols import load_protocol
+from jointz.verification.verify import Verification
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,7 @@ def test_a_wrong_gain_of_the_torque_fails_and_is_named(changed):
     wrong = changed("[channels.torque]", "[channels.torque]\nscale = 1.15")
     found = jz.verify(wrong)
     assert found.verdicts == {"damper, A": "fail"}
-    assert "gain of torque over angle 1.1" in found.explanations["damper, A"]
+    assert "torque over angle 1.1" in found.explanations["damper, A"]
 
 
 def test_a_load_of_another_inertia_fails_without_a_gain_that_explains_it(changed):
@@ -63,21 +64,37 @@ def test_a_load_of_another_inertia_fails_without_a_gain_that_explains_it(changed
     found = jz.verify(wrong)
     verdicts = {row.part: row.verdict for row in found.parts}
     assert verdicts == {"stiffness": "pass", "damping": "pass", "inertia": "fail"}
-    assert "no gain explains it" in found.explanations["damper, A"]
+    assert "no single error" in found.explanations["damper, A"]
 
 
 def test_what_the_pulses_do_not_decide_cannot_be_told(changed):
     stated = "damping = { value = 0.5, sd = 0.01 }"
     found = jz.verify(changed(stated, "damping = { value = 0.5, sd = 0.4 }"))
     assert found.verdicts == {"damper, A": "cannot tell"}
-    assert "more pulses would not narrow the interval" in found.summary()
+    assert "its SD as stated is too wide" in found.summary()
+
+
+def test_time_stamps_that_run_fast_fail_and_are_named(changed):
+    found = jz.verify(changed("[channels.time]", "[channels.time]\nscale = 1.08"))
+    assert found.verdicts == {"damper, A": "fail"}
+    assert "time between samples 1.0" in found.explanations["damper, A"]
+
+
+def test_a_torque_of_the_wrong_sign_fails_without_an_estimate(changed, tmp_path):
+    wrong = changed("[channels.torque]", "[channels.torque]\nscale = -1.0")
+    found = jz.verify(wrong)
+    assert found.verdicts == {"damper, A": "fail"}
+    assert "stiffness: no estimate, stated 168 N*m/rad: fail" in found.summary()
+    assert "below zero" in found.explanations["damper, A"]
+    assert Verification.from_dict(found.to_dict()) == found
+    found.plot()
 
 
 def test_a_bench_states_loads_of_participants(jointz, changed):
     wrong = changed('[[additions]]\nparticipant = "damper"', '[[additions]]\nsession = "A"')
     result = jointz("verify", wrong)
     assert result.code == 2
-    assert "kind 'bench' has no session and no gravity_nm" in result.err
+    assert "session: not for kind 'bench'" in result.err
 
 
 def test_a_load_that_was_not_measured_is_refused(jointz, changed):

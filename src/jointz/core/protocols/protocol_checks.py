@@ -229,8 +229,7 @@ def _control_has_no_pulses(protocol: ProtocolFields) -> Iterator[Problem]:
 
 
 def _wishes_are_for_points(protocol: ProtocolFields) -> Iterator[Problem]:
-    plans = [c.perturbations for c in protocol.conditions if c.perturbations is not None]
-    known = {name for plan in plans for name in plan.timing_points or {}}
+    known = set(protocol.timing_points)
     for parameter, own in (protocol.planned_half_width_pct or {}).items():
         for name in sorted(set(own) - known):
             message = f"is no timing point; expected one of {', '.join(sorted(known))}."

@@ -465,13 +465,14 @@ class ProtocolFields(CheckedModel):
         """Half-widths that are wanted, % of the value, by parameter and timing point."""
         if self.live is None or self.live.planned_half_width_pct is None:
             return self.planned_half_width_pct
-        points = {
-            point: self.live.planned_half_width_pct
-            for condition in self.conditions
-            if condition.perturbations is not None
-            for point in condition.perturbations.timing_points or {}
-        }
+        points = dict.fromkeys(self.timing_points, self.live.planned_half_width_pct)
         return {"stiffness": points, "damping": points, "inertia": points}
+
+    @property
+    def timing_points(self) -> dict[str, float]:
+        """Timing points of all conditions -> onset, % of the gait cycle."""
+        plans = (c.perturbations for c in self.conditions if c.perturbations is not None)
+        return {name: at for plan in plans for name, at in (plan.timing_points or {}).items()}
 
     @property
     def by_gait(self) -> bool:

@@ -66,7 +66,7 @@ def study_toml(
         lines += ["", "[torque_model]", *_table(model.model_dump(exclude_defaults=True))]
     if worn is not None:
         lines += ["", "[device]", *_table(worn.model_dump())]
-    points = _timing_points(protocol)
+    points = protocol.timing_points
     if not walking:
         lines += ["", "[perturbations]", f"cutoff_hz = {_BENCH_CUTOFF_HZ}"]
     elif points:
@@ -178,14 +178,6 @@ def _additions(protocol: Protocol) -> list[str]:
 def recording_lines(entries: Mapping[str, str]) -> list[str]:
     """Return the section of a recording."""
     return ["", "[[recordings]]", *_table(entries)]
-
-
-def _timing_points(protocol: Protocol) -> dict[str, float]:
-    points: dict[str, float] = {}
-    for condition in protocol.conditions:
-        if condition.perturbations is not None:
-            points |= condition.perturbations.timing_points or {}
-    return points
 
 
 def _table(values: Mapping[str, Any]) -> list[str]:

@@ -118,16 +118,7 @@ class BenchTrial:
         if not course.first <= slot < course.stop:
             flags |= _LEAD
         tick = (slot, place, host_ns, requested, flags)
-        record = self._part_with_contact if self._has_contact else self._part
-        self._recorder.write(*[record(part, tick) for part in range(self._streams.parts)])
-
-    def _part_with_contact(
-        self, part: int, tick: tuple[int, int, int, float, int]
-    ) -> tuple[float, ...]:
-        """Return one record of a bench that has a footswitch."""
-        contact = self._streams.contact
-        c = contact[part] if part < len(contact) else NO_SENSOR_SAMPLE
-        return (*self._part(part, tick), c.device_time_ns, c.value)
+        self._recorder.write(*[self._part(part, tick) for part in range(self._streams.parts)])
 
     def _part(self, part: int, tick: tuple[int, int, int, float, int]) -> tuple[float, ...]:
         """Return one record: the tick, and the sample of this number of every device."""
@@ -139,7 +130,7 @@ class BenchTrial:
         g = angle[part] if part < len(angle) else NO_SENSOR_SAMPLE
         t = torque[part] if part < len(torque) else NO_SENSOR_SAMPLE
         p = position[part] if part < len(position) else NO_SENSOR_SAMPLE
-        return (
+        record = (
             host_ns,
             a.device_time_ns,
             g.device_time_ns,
@@ -165,3 +156,8 @@ class BenchTrial:
             flags,
             part,
         )
+        if not self._has_contact:
+            return record
+        contact = streams.contact
+        c = contact[part] if part < len(contact) else NO_SENSOR_SAMPLE
+        return (*record, c.device_time_ns, c.value)
