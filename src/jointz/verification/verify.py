@@ -227,7 +227,7 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
         model = pair_model(*pair, addition, spec)
         fit = fit_addition(model, pair[0].priors)
     except (DataError, np.linalg.LinAlgError) as exc:
-        return Verification((), {leg: CANNOT_TELL}, {leg: None}, {leg: str(exc)})
+        return _of_leg(leg, (), CANNOT_TELL, None, [str(exc)])
     p, parts = _judged(leg, fit, addition, tuple(PARTS))
     verdict = _worst(part.verdict for part in parts)
     against = "; ".join(map(str, fit.unlikely))
@@ -235,9 +235,14 @@ def _verified(study: Study, addition: AdditionSpec, person: str, side: str) -> V
     if verdict == FAIL:
         texts.append(_explanation(explained_by(model, pair[0].priors, addition)))
     verdict = FAIL if fit.unlikely else verdict
-    return Verification(
-        tuple(parts), {leg: verdict}, {leg: p}, {leg: "; ".join(texts)} if texts else {}
-    )
+    return _of_leg(leg, parts, verdict, p, texts)
+
+
+def _of_leg(
+    leg: str, parts: Sequence[AdditionResult], verdict: str, p: float | None, texts: Sequence[str]
+) -> Verification:
+    explained = {leg: "; ".join(texts)} if texts else {}
+    return Verification(tuple(parts), {leg: verdict}, {leg: p}, explained)
 
 
 def _together(found: Sequence[Verification], addition: AdditionSpec) -> list[Verification]:
@@ -249,10 +254,11 @@ def _together(found: Sequence[Verification], addition: AdditionSpec) -> list[Ver
     n = len(values)
     if n < FEWEST_PEOPLE or addition.stiffness is None:
         return []
-    sd = stdtrit(n - 1, 0.975) / REACH_95 * values.std(ddof=1) / np.sqrt(n)
-    fit = AdditionFit(values.mean(keepdims=True), np.array([[sd**2]]), sd / np.sqrt([2.0]), ())
+    reach = stdtrit(n - 1, 0.975) * values.std(ddof=1) / np.sqrt(n)
+    sd = np.array([reach / REACH_95])
+    fit = AdditionFit(np.array([values.mean()]), sd, sd / np.sqrt(2.0), ())
     p, parts = _judged(_MEAN, fit, addition, ["stiffness"])
-    return [Verification(tuple(parts), {_MEAN: parts[0].verdict}, {_MEAN: p}, {})]
+    return [_of_leg(_MEAN, parts, parts[0].verdict, p, ())]
 
 
 def _verified_load(
@@ -276,7 +282,7 @@ def _verified_cell(cell: CellEstimate, load: AdditionSpec, gain_sd: float) -> Ve
         values = np.array([p.value for p in told], dtype=float)
         ends = np.array([p.ci for p in told], dtype=float)
         sds = np.abs(ends - values[:, None]).max(axis=1) / REACH_95
-        fit = AdditionFit(values, np.diag(sds**2), sds, ())
+        fit = AdditionFit(values, sds, sds, ())
         least, rows = _judged(case, fit, load, [p.name for p in told])
         if any(row.verdict == FAIL for row in rows):
             texts.append(_cause(rows, gain_sd))
@@ -286,10 +292,7 @@ def _verified_cell(cell: CellEstimate, load: AdditionSpec, gain_sd: float) -> Ve
             without = (known.value, known.sd, None, None, None, verdict, None)
             rows.append(AdditionResult(case, p.name, *without))
             texts.append(f"{p.name}: {status_meaning(p.status)}")
-    verdict = _worst(row.verdict for row in rows)
-    return Verification(
-        tuple(rows), {case: verdict}, {case: least}, {case: "; ".join(texts)} if texts else {}
-    )
+    return _of_leg(case, rows, _worst(row.verdict for row in rows), least, texts)
 
 
 def _cause(parts: Sequence[AdditionResult], gain_sd: float) -> str:
@@ -356,12 +359,12 @@ def _judged(
 ) -> tuple[float, list[AdditionResult]]:
     """Return the p-value of the part that differs most, for all parts, and the parts."""
     stated, stated_sd = stated_addition(addition, names)
-    sds = np.sqrt(np.diag(fit.covariance))
-    errors, more = np.hypot(sds, stated_sd), np.hypot(fit.more_pulses, stated_sd)
+    errors, more = np.hypot(fit.sd, stated_sd), np.hypot(fit.more_pulses, stated_sd)
+    # NaN where neither has an error and they are the same: cannot be told.
     p = np.minimum(len(names) * 2.0 * norm.sf(np.abs(fit.mean - stated) / errors), 1.0)
     rows = []
     for k, part in enumerate(names):
-        reach, wide = REACH_95 * sds[k], REACH_95 * errors[k] > WIDEST * stated[k] > 0.0
+        reach, wide = REACH_95 * fit.sd[k], REACH_95 * errors[k] > WIDEST * stated[k] > 0.0
         rows.append(
             AdditionResult(
                 leg,

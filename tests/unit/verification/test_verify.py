@@ -1,7 +1,6 @@
 """A known addition to the joint, as pulses without and with it show it."""
 
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -66,22 +65,12 @@ def test_the_result_is_a_table_a_text_and_a_figure(found, tmp_path):
     assert Verification.from_dict(found.to_dict()) == found
 
 
-def changed(study, tmp_path, old, new):
-    """Return a copy of a study with another text in its study.toml."""
-    copy = tmp_path / "study"
-    shutil.copytree(study, copy, ignore=shutil.ignore_patterns("sessions"))
-    text = (copy / "study.toml").read_text()
-    assert old in text
-    (copy / "study.toml").write_text(text.replace(old, new))
-    return copy
-
-
-def test_a_wrong_gain_of_the_torque_fails_and_is_named(jointz, study, tmp_path):
+def test_a_wrong_gain_of_the_torque_fails_and_is_named(jointz, study, changed):
     (line,) = [
         x for x in (study / "study.toml").read_text().splitlines() if x.startswith("torque_const")
     ]
     wrong = f"torque_constant = {2.0 * float(line.partition('=')[2]):g}"
-    copy = changed(study, tmp_path, line, wrong)
+    copy = changed(line, wrong)
 
     result = jointz("verify", copy, "--json")
 
@@ -92,8 +81,8 @@ def test_a_wrong_gain_of_the_torque_fails_and_is_named(jointz, study, tmp_path):
     assert "torque gain" in told["explanations"]["S01"]
 
 
-def test_an_addition_of_another_size_fails(study, tmp_path):
-    copy = changed(study, tmp_path, "stiffness = { value = 50.0", "stiffness = { value = 110.0")
+def test_an_addition_of_another_size_fails(changed):
+    copy = changed("stiffness = { value = 50.0", "stiffness = { value = 110.0")
     assert jz.verify(copy).verdicts == {"S01": "fail"}
 
 
@@ -105,20 +94,20 @@ def test_files_are_written_by_the_command(jointz, study, tmp_path):
     assert "<svg" in figure.read_text()
 
 
-def test_a_study_without_additions_is_refused(study, tmp_path):
+def test_a_study_without_additions_is_refused(study, changed):
     text = (study / "study.toml").read_text()
     at = text.index("[[additions]]")
-    copy = changed(study, tmp_path, text[at : text.index("[[recordings]]", at)], "")
+    copy = changed(text[at : text.index("[[recordings]]", at)], "")
     with pytest.raises(DataError, match=r"expected \[\[additions\]\]"):
         jz.verify(copy)
 
 
-def test_pulses_with_and_without_it_are_needed(study, tmp_path):
+def test_pulses_with_and_without_it_are_needed(study, changed):
     text = (study / "study.toml").read_text()
     both = text[text.index("[[additions]]") : text.index("[[recordings]]")]
     more = both.replace('"with"', '"without"')
     with pytest.raises(DataError, match="pulses without and with the addition"):
-        jz.verify(changed(study, tmp_path, both, both + more))
+        jz.verify(changed(both, both + more))
 
 
 def test_the_plan_says_how_well_it_will_be_told(found):
@@ -153,7 +142,7 @@ def test_the_inertia_that_is_felt_is_that_of_the_simulated_leg(weight):
     assert felt == pytest.approx(expected, rel=0.15, abs=0.06 * inertia)
 
 
-def test_the_mean_stiffness_of_three_legs_is_judged(study, tmp_path, monkeypatch):
+def test_the_mean_stiffness_of_three_legs_is_judged(study, monkeypatch, changed):
     text = (study / "study.toml").read_text()
     start, end = text.index("[[participants]]"), text.index("[[additions]]")
     person = text[start:end]
@@ -172,7 +161,7 @@ def test_the_mean_stiffness_of_three_legs_is_judged(study, tmp_path, monkeypatch
 
     monkeypatch.setattr("jointz.verification.verify._verified", leg)
     monkeypatch.setattr("jointz.verification.verify._sides", lambda *_: [""])
-    result = jz.verify(changed(study, tmp_path, person, everybody))
+    result = jz.verify(changed(person, everybody))
 
     mean = result.parts[-1]
     assert (mean.participant, mean.part, mean.found) == ("mean of legs", "stiffness", 57.0)

@@ -21,23 +21,6 @@ def study(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def changed(study, tmp_path):
-    """Return a function that copies the study with another text in its study.toml."""
-
-    def change(old, new):
-        copy = tmp_path / "study"
-        copy.mkdir()
-        for file in study.glob("*.nc"):
-            (copy / file.name).symlink_to(file)
-        text = (study / "study.toml").read_text()
-        assert old in text
-        (copy / "study.toml").write_text(text.replace(old, new))
-        return copy
-
-    return change
-
-
 def test_a_load_as_stated_passes(study):
     found = jz.verify(study)
     assert found.verdicts == {"damper, A": "pass"}

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES
 from jointz.core.priors import AnyPrior, NormalPrior, spread_of
@@ -26,7 +27,7 @@ from jointz.reference.body_segments import segment_length
 from jointz.results.unlikely_parameter import UnlikelyParameter
 
 #: Parts of an addition with their units, in the order of ``ADDED``.
-PARTS: Final[Mapping[str, str]] = {"stiffness": "N*m/rad", "inertia": "kg*m^2"}
+PARTS: Final = {name: PARAMETER_UNITS[name] for name in ("stiffness", "inertia")}
 #: Of an addition that is stated to be exact, and of a part that it does not have.
 _EXACT: Final = 1e-3
 #: Error -> sources of :mod:`jointz.identify.walking.information` that would be it; their priors
@@ -46,27 +47,26 @@ _FELT_SD: Final = 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdditionFit:
-    """Stiffness and inertia of an addition as the pulses show it."""
+    """Parts of an addition as the pulses show them: stiffness and inertia, or those of a load."""
 
-    mean: np.ndarray  # (2,) N*m/rad, kg*m^2
-    covariance: np.ndarray  # (2, 2)
-    more_pulses: np.ndarray  # (2,) sds with twice the pulses
+    mean: np.ndarray  # (parts,) SI
+    sd: np.ndarray  # (parts,)
+    more_pulses: np.ndarray  # (parts,) sds with twice the pulses
     unlikely: tuple[UnlikelyParameter, ...]  # instruments that speak against the model
 
 
 def fit_addition(model: LegModel, priors: LegPriors) -> AdditionFit:
     """Fit recordings without and with an addition as one leg."""
     posterior = explain(model, priors)
-    mean, covariance = _moments(posterior, [fit.covariance for fit in posterior.fits])
-    more = [with_more_pulses(model, fit) for fit in posterior.fits]
-    _, with_more = _moments(posterior, more)
+    mean, sd = _moments(posterior, [fit.covariance for fit in posterior.fits])
+    _, more = _moments(posterior, [with_more_pulses(model, fit) for fit in posterior.fits])
     felt_sd = _FELT_SD
     if SHANK not in model.layout.own_of_point:  # the share is not measured; its square is felt
         felt_sd = 2.0 * (1.0 - SHANK_SHARE) * priors.spec.shank_share.logit_sd
-    covariance[1, 1] += (felt_sd * mean[1]) ** 2
-    with_more[1, 1] += (felt_sd * mean[1]) ** 2
+    for sds in (sd, more):
+        sds[1] = np.hypot(sds[1], felt_sd * mean[1])
     unlikely = unlikely_instruments(posterior, priors.coupling.fixed)
-    return AdditionFit(mean, covariance, np.sqrt(np.diag(with_more)), unlikely)
+    return AdditionFit(mean, sd, more, unlikely)
 
 
 def pair_model(
@@ -135,13 +135,13 @@ def _wider(priors: LegPriors, name: str) -> AnyPrior:
 def _moments(
     posterior: LegPosterior, covariances: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and covariance of the addition, SI."""
+    """Return mean and sd of the addition, SI."""
     layout, units = posterior.model.layout, np.array(list(ADDED.values()))
     at = [layout.shared(name) for name in ADDED]
     means = [units * fit.theta[at] for fit in posterior.fits]
     parts = [np.outer(units, units) * c[np.ix_(at, at)] for c in covariances]
     mean, covariance = mixed_moments(posterior.weights, means, parts)
-    return mean, posterior.model.error.sd_inflation**2 * covariance
+    return mean, posterior.model.error.sd_inflation * np.sqrt(np.diag(covariance))
 
 
 def _part(
